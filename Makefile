@@ -1,0 +1,40 @@
+# `make demo` and `make test` are all that a newcomer needs: each makes its own
+# virtual environment in .venv and installs what it needs there.
+VENV ?= .venv
+PYTHON ?= python3
+BIN := $(VENV)/bin
+export JAX_PLATFORMS ?= cpu
+
+.PHONY: demo test test-slow lint check clean
+
+demo: $(VENV)/installed
+	$(BIN)/cloudjax demo -o out/demo
+
+test: $(VENV)/installed-dev
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+test-slow: $(VENV)/installed-dev
+	$(BIN)/python -m pytest -m slow
+
+lint: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+check: lint test
+
+$(BIN)/python:
+	PYTHON="$(PYTHON)" tools/make_venv.sh $(VENV)
+
+$(VENV)/installed: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(VENV)/installed-dev: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
+	$(BIN)/python -m pip install --quiet --editable . --group test --group oracles --group lint
+	touch $@ $(VENV)/installed
+
+clean:
+	rm -rf $(VENV) out build dist

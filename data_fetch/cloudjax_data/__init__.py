@@ -1,0 +1,1 @@
+"""GOES and GFS files, read into typed scenes. Needs no jax."""

@@ -1,0 +1,1 @@
+"""Fits of cloud parameters to observed radiance histograms, and their reports."""

@@ -1,0 +1,1 @@
+"""A differentiable renderer of deterministic, fractal, three-dimensional clouds."""
