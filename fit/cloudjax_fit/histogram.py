@@ -1,0 +1,260 @@
+"""Histograms of radiances: differentiable ones for the fit, statistics for its report.
+
+The first half runs in JAX, inside the objective. The second half runs on the host in
+float64 and judges the result with code that the fit does not share.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy.stats
+from jax.core import Tracer
+from jaxtyping import Array, Float, Num
+
+
+def _floating(x) -> Array:
+    x = jnp.asarray(x)
+    return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(float)
+
+
+class Bins(eqx.Module):
+    """Uniform bins over the radiances of one band.
+
+    `low` and `high` are the outer edges, in the units of the radiances. One `Bins` may
+    hold several bands (`low` and `high` of shape `[bands]`) for use under `jax.vmap`.
+    """
+
+    low: Float[Array, "*bands"] = eqx.field(converter=_floating)
+    high: Float[Array, "*bands"] = eqx.field(converter=_floating)
+    count: int = eqx.field(static=True, default=64)
+
+    def __check_init__(self):
+        if self.count < 2:
+            raise ValueError(f"a histogram needs at least 2 bins, not {self.count}")
+        span = self.high - self.low
+        if not isinstance(span, Tracer) and not np.all(np.asarray(span) > 0):
+            raise ValueError(
+                f"the bins run from {self.low} to {self.high}: high must exceed low"
+            )
+
+    @property
+    def width(self) -> Float[Array, "*bands"]:
+        """Width of one bin."""
+        return (self.high - self.low) / self.count
+
+    @property
+    def edges(self) -> Float[Array, "*bands edges"]:
+        """Edges of the bins, from `low` to `high`."""
+        return jnp.linspace(self.low, self.high, self.count + 1, axis=-1)
+
+    @property
+    def centers(self) -> Float[Array, "*bands centers"]:
+        """Centres of the bins."""
+        edges = self.edges
+        return (edges[..., 1:] + edges[..., :-1]) / 2
+
+
+def linear_histogram(
+    values: Float[Array, " n"], weights: Float[Array, " n"], bins: Bins
+) -> Float[Array, " bins"]:
+    """Deposits each weight on the two bins whose centres enclose its value.
+
+    This cloud-in-cell deposit conserves the total weight and, between the first and
+    last bin centres, the weighted mean; it is piecewise linear in `values`, so that its
+    derivative is exact within a bin. Values beyond the outer centres go to the edge
+    bins, and there the derivative is zero: `bins` should cover what a fit can reach.
+
+    A pixel of weight 0 may hold NaN or infinity: it changes neither the histogram nor
+    any derivative. A NaN of positive weight gives NaN, so that it cannot hide.
+
+    Use `jax.vmap` for several bands.
+    """
+    unseen = (weights == 0) & ~jnp.isfinite(values)
+    values = jnp.where(unseen, bins.low, values)
+    position = (values - bins.low) / bins.width - 0.5
+    position = jnp.clip(position, 0, bins.count - 1)
+    # The last pair of bins takes a value on the last centre, hence count - 2. The
+    # second clip keeps the index of a NaN, which is any integer at all, in range.
+    left = jnp.clip(jnp.floor(position).astype(int), 0, bins.count - 2)
+    to_right = weights * (position - left)
+    # Subtracting, rather than weights * (1 - fraction), loses no weight to rounding.
+    to_left = weights - to_right
+    empty = jnp.zeros(bins.count, to_left.dtype)
+    return empty.at[left].add(to_left).at[left + 1].add(to_right)
+
+
+def cumulative(histogram: Float[Array, " bins"]) -> Float[Array, " bins"]:
+    """Cumulative histogram over its total weight: rises to 1 in the last bin.
+
+    The mean absolute difference of two of these, times the span of the bins, is the
+    1-Wasserstein distance of the binned values. A histogram without weight gives zeros,
+    with zero derivative.
+    """
+    total = histogram.sum()
+    # The derivative of the quotient holds total**-2, which overflows long before total
+    # itself vanishes.
+    enough = total > math.sqrt(jnp.finfo(histogram.dtype).tiny)
+    return jnp.where(enough, jnp.cumsum(histogram), 0) / jnp.where(enough, total, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Quantiles:
+    """A sample reduced to its quantile function, small enough to keep in a repository.
+
+    `probabilities` rise within [0, 1]; `values` are the quantiles there, in the units
+    of the sample; `count` is the number of pixels that were reduced to the table.
+    """
+
+    probabilities: Float[np.ndarray, " levels"]
+    values: Float[np.ndarray, " levels"]
+    count: int
+
+    def __post_init__(self):
+        p, values = self.probabilities, self.values
+        if p.shape != values.shape or p.size == 0:
+            raise ValueError("a quantile table needs one value for each probability")
+        if p[0] < 0 or p[-1] > 1 or np.any(np.diff(p) <= 0):
+            raise ValueError("the probabilities of a quantile table rise from 0 to 1")
+        if np.any(np.diff(values) < 0):
+            raise ValueError("the values of a quantile table never decrease")
+
+    def equal_weights(self, size: int = 4000) -> Float[np.ndarray, " {size}"]:
+        """`size` values of equal weight with this distribution."""
+        # Midpoints in probability keep the mean of the piecewise linear function.
+        middle = (np.arange(size) + 0.5) / size
+        return np.interp(middle, self.probabilities, self.values)
+
+
+Pixels: TypeAlias = Num[np.ndarray, " _"] | Num[Array, " _"]
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Radiances of pixels with their weights, all finite, in float64.
+
+    `count` is the number of pixels behind it, which exceeds the number of `values` when
+    these come from a quantile table.
+    """
+
+    values: Float[np.ndarray, " n"]
+    weights: Float[np.ndarray, " n"]
+    count: int
+
+    @property
+    def mean(self) -> float:
+        """Weighted mean."""
+        return float(np.average(self.values, weights=self.weights))
+
+    @property
+    def std(self) -> float:
+        """Weighted standard deviation of the population."""
+        variance = np.average((self.values - self.mean) ** 2, weights=self.weights)
+        return math.sqrt(variance)
+
+    def cdf(self, at: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        """Fraction of the weight that lies at or below each of `at`."""
+        order = np.argsort(self.values)
+        mass = np.concatenate([[0.0], np.cumsum(self.weights[order])])
+        below = np.searchsorted(self.values[order], at, side="right")
+        return mass[below] / mass[-1]
+
+    def quantile(self, probability: float) -> float:
+        """Smallest value that has `probability` of the weight at or below it."""
+        order = np.argsort(self.values)
+        mass = np.cumsum(self.weights[order])
+        index = np.searchsorted(mass, probability * mass[-1])
+        return float(self.values[order][min(index, order.size - 1)])
+
+
+def sample_of(
+    source: Pixels | Quantiles, weights: Pixels | None = None, name: str = "sample"
+) -> Sample:
+    """Brings pixels or a quantile table into the form that statistics are taken of.
+
+    Pixels of weight 0 are left out, whatever they hold.
+
+    Raises `ValueError`, naming the sample by `name`, when nothing is left, when a
+    remaining value or a weight is not finite, or when a weight is negative.
+    """
+    if isinstance(source, Quantiles):
+        values = source.equal_weights()
+    else:
+        values = np.asarray(source, np.float64)
+    masses = np.ones_like(values) if weights is None else np.asarray(weights, float)
+    if masses.shape != values.shape:
+        raise ValueError(
+            f"the {name} has {values.size} values but {masses.size} weights"
+        )
+    if not np.isfinite(masses).all() or (masses < 0).any():
+        raise ValueError(f"the weights of the {name} must be finite and not negative")
+    seen = masses > 0
+    if not seen.any():
+        raise ValueError(f"the {name} holds no pixels of positive weight")
+    if not np.isfinite(values[seen]).all():
+        raise ValueError(
+            f"the {name} holds values that are not finite: mask these pixels first"
+        )
+    count = source.count if isinstance(source, Quantiles) else int(seen.sum())
+    return Sample(values[seen], masses[seen], count)
+
+
+def quantiles(values: Pixels, count: int = 1001) -> Quantiles:
+    """Reduces pixels to `count` quantiles, evenly spaced from minimum to maximum.
+
+    Raises `ValueError` when `values` is empty or not finite.
+    """
+    sample = sample_of(values)
+    probabilities = np.linspace(0.0, 1.0, count)
+    table = np.quantile(sample.values, probabilities)
+    # Interpolation between equal values may round below the first of them.
+    return Quantiles(probabilities, np.maximum.accumulate(table), sample.count)
+
+
+@dataclass(frozen=True)
+class Distances:
+    """How far a simulated sample is from an observed one.
+
+    - `w1`: 1-Wasserstein distance, in radiance units.
+    - `w1_over_std`: the same over the standard deviation of the observed sample; NaN
+        when all observed values are equal.
+    - `ks`: Kolmogorov-Smirnov distance, the largest difference of the two CDFs.
+    - `bias`: simulated mean less observed mean, in radiance units.
+    - `std_observed`: standard deviation of the observed sample, in radiance units.
+    - `n_observed`, `n_simulated`: numbers of pixels of positive weight.
+    """
+
+    w1: float
+    w1_over_std: float
+    ks: float
+    bias: float
+    std_observed: float
+    n_observed: int
+    n_simulated: int
+
+
+def distances(
+    observed: Pixels | Quantiles,
+    simulated: Pixels | Quantiles,
+    simulated_weights: Pixels | None = None,
+) -> Distances:
+    """Compares two samples of radiances in the same units, pixels or quantile tables.
+
+    Raises `ValueError` when either is empty or not finite.
+    """
+    a = sample_of(observed, name="observed sample")
+    b = sample_of(simulated, simulated_weights, name="simulated sample")
+    w1 = scipy.stats.wasserstein_distance(a.values, b.values, a.weights, b.weights)
+    everywhere = np.union1d(a.values, b.values)
+    return Distances(
+        w1=float(w1),
+        w1_over_std=float(w1) / a.std if a.std > 0 else math.nan,
+        ks=float(np.abs(a.cdf(everywhere) - b.cdf(everywhere)).max()),
+        bias=b.mean - a.mean,
+        std_observed=a.std,
+        n_observed=a.count,
+        n_simulated=b.count,
+    )
