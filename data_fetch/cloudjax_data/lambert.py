@@ -1,0 +1,58 @@
+"""The Lambert conformal conic map of regional weather models."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+
+@dataclass(frozen=True)
+class LambertConic:
+    """A map of the sphere, in units of the radius divided by a constant.
+
+    **Fields:**
+
+    - `longitude_deg`: the meridian that points straight up (`LoV` in GRIB).
+    - `latitude_1_deg`, `latitude_2_deg`: where the cone cuts the sphere; equal where it
+        touches.
+    """
+
+    longitude_deg: float
+    latitude_1_deg: float
+    latitude_2_deg: float
+
+    @property
+    def cone(self) -> float:
+        """How far the map turns per turn of longitude (Snyder 1987, eq. 15-3)."""
+        one, two = np.radians([self.latitude_1_deg, self.latitude_2_deg])
+        if np.isclose(one, two):
+            return float(np.sin(one))
+        spread = np.log(np.tan(np.pi / 4 + two / 2) / np.tan(np.pi / 4 + one / 2))
+        return float(np.log(np.cos(one) / np.cos(two)) / spread)
+
+    def unwrapped(
+        self, longitude_deg: Float64[np.ndarray, "*points"]
+    ) -> Float64[np.ndarray, "*points"]:
+        """Longitudes within 180 degrees of the central meridian, without a jump."""
+        return self.longitude_deg + self._from_centre(longitude_deg)
+
+    def rotation_rad(
+        self, longitude_deg: Float64[np.ndarray, "*points"]
+    ) -> Float64[np.ndarray, "*points"]:
+        """The angle from true north to the y axis of the map, clockwise positive."""
+        # East of the central meridian, meridians lean left: up is east of north.
+        return self.cone * np.radians(self._from_centre(longitude_deg))
+
+    def project(
+        self,
+        latitude_deg: Float64[np.ndarray, "*points"],
+        longitude_deg: Float64[np.ndarray, "*points"],
+    ) -> tuple[Float64[np.ndarray, "*points"], Float64[np.ndarray, "*points"]]:
+        """Map coordinates x and y (Snyder 1987, eqs 15-1 and 14-4)."""
+        polar = np.pi / 4 + np.radians(latitude_deg) / 2
+        radius = np.tan(polar) ** -self.cone / self.cone
+        angle = self.rotation_rad(longitude_deg)
+        return radius * np.sin(angle), -radius * np.cos(angle)
+
+    def _from_centre(self, longitude_deg: np.ndarray) -> np.ndarray:
+        return (longitude_deg - self.longitude_deg + 180) % 360 - 180

@@ -1,0 +1,36 @@
+"""Where the sun stands."""
+
+from datetime import datetime
+
+import numpy as np
+from jaxtyping import Float64
+
+
+def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
+    """Unit vector from the Earth's centre to the sun, in Earth-fixed (ECEF) axes.
+
+    **Arguments:**
+
+    - `time`: with a time zone.
+
+    Geometric, that is without refraction; good to 0.0003 degree by the algorithm of
+    Reda and Andreas (2004). Raises `ValueError` for a time without zone.
+    """
+    if time.tzinfo is None:
+        raise ValueError(f"{time} has no time zone: use datetime(..., tzinfo=UTC).")
+    # pandas and scipy come with it, a second that readers of files need not wait
+    import pandas as pd
+    from pvlib.solarposition import spa_python
+
+    # At latitude 0, longitude 0 the local up, east and north are the ECEF x, y and z;
+    # an observer a radius below sea level is the centre, where parallax vanishes.
+    position = spa_python(pd.DatetimeIndex([time]), 0.0, 0.0, altitude=-6378140.0)
+    zenith = np.radians(position["zenith"].to_numpy()[0])
+    azimuth = np.radians(position["azimuth"].to_numpy()[0])
+    return np.array(
+        [
+            np.cos(zenith),
+            np.sin(zenith) * np.sin(azimuth),
+            np.sin(zenith) * np.cos(azimuth),
+        ]
+    )
