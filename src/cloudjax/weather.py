@@ -1,0 +1,436 @@
+"""Weather masks: where each class of cloud may stand, from a weather analysis.
+
+Schinder et al. (2024, section 2.2 and Table 1) decide from humidity, temperature and
+vertical wind at one altitude whether a class of cloud is present. Here the decision is
+a cloud *fraction* with soft edges, and the mask that enters the cloud function is its
+probit, so that a standardised texture cut at zero covers just that fraction.
+"""
+
+import importlib.resources
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float, Int
+from numpy.typing import ArrayLike
+
+
+AnyArray = Array | np.ndarray
+Scalar = Float[Array, ""] | float | int
+
+# Steps may differ from their mean by this fraction: float32 axes of 1/3 degree do.
+_UNIFORM = 1e-3
+
+
+# Regular latitude-longitude grids ---------------------------------------------------
+
+
+class UniformAxis(eqx.Module):
+    """Evenly spaced nodes, as numbers, not an array: cells are found without search.
+
+    `first` and `step` in degrees, `size` nodes; a `periodic` axis goes on at its first
+    node after its last, any other is held constant outside.
+    """
+
+    first: float = eqx.field(static=True)
+    step: float = eqx.field(static=True)
+    size: int = eqx.field(static=True)
+    periodic: bool = eqx.field(static=True, default=False)
+
+    @property
+    def values(self) -> Float[np.ndarray, " size"]:
+        """The nodes [degrees]."""
+        return self.first + self.step * np.arange(self.size)
+
+    def cell(
+        self, position: Float[AnyArray, "*points"]
+    ) -> tuple[
+        Int[AnyArray, "*points"], Int[AnyArray, "*points"], Float[AnyArray, "*points"]
+    ]:
+        """Nodes below and above each position [degrees], and the fraction between."""
+        xp = np if isinstance(position, np.ndarray) else jnp
+        index = (position - self.first) / self.step
+        if self.periodic:
+            index = xp.mod(index, self.size)
+            lower = xp.floor(index).astype(int)
+            # rounding may bring mod up to `size` itself, hence the second mod
+            return lower % self.size, (lower + 1) % self.size, index - lower
+        index = xp.clip(index, 0, self.size - 1)
+        lower = xp.minimum(xp.floor(index).astype(int), self.size - 2)
+        return lower, lower + 1, index - lower
+
+
+def _uniform_axis(values: ArrayLike, name: str, *, period: float = 0.0) -> UniformAxis:
+    nodes = np.asarray(values, float)
+    if nodes.ndim != 1 or nodes.size < 2:
+        raise ValueError(
+            f"{name} must be one-dimensional with at least two nodes; "
+            f"its shape is {nodes.shape}."
+        )
+    step = (nodes[-1] - nodes[0]) / (nodes.size - 1)
+    spread = np.max(np.abs(np.diff(nodes) - step))
+    # written so that NaN fails
+    if not (step > 0 and spread <= _UNIFORM * step):
+        raise ValueError(
+            f"{name} must ascend in equal steps; it runs from {nodes[0]} to "
+            f"{nodes[-1]} with steps of {step:.4g} ± {spread:.2g}. "
+            "Reverse, roll or regrid the field."
+        )
+    periodic = bool(abs(nodes.size * step - period) <= _UNIFORM * step)
+    step = period / nodes.size if periodic else step
+    return UniformAxis(float(nodes[0]), float(step), nodes.size, periodic)
+
+
+class LatLonGrid(eqx.Module):
+    """A regular latitude-longitude grid: geometry only, no field, hashable.
+
+    Longitude is periodic where the grid covers the circle. Build it from coordinate
+    arrays with `LatLonGrid.from_axes`.
+    """
+
+    latitude: UniformAxis
+    longitude: UniformAxis
+
+    @classmethod
+    def from_axes(
+        cls, latitude_deg: ArrayLike, longitude_deg: ArrayLike
+    ) -> "LatLonGrid":
+        """The grid with these nodes.
+
+        **Arguments:**
+
+        - `latitude_deg`: [lat] degrees north, ascending, evenly spaced, within ±90.
+        - `longitude_deg`: [lon] degrees east, ascending, evenly spaced, any origin.
+
+        **Raises:** `ValueError` where an axis is not so. Axes must be concrete.
+        """
+        latitude = _uniform_axis(latitude_deg, "latitude_deg")
+        longitude = _uniform_axis(longitude_deg, "longitude_deg", period=360.0)
+        if np.max(np.abs(latitude.values)) > 90 + _UNIFORM:
+            raise ValueError(
+                f"latitude_deg must stay within ±90; it runs from {latitude.first} to "
+                f"{latitude.values[-1]}."
+            )
+        if longitude.step * (longitude.size - 1) > 360 - _UNIFORM:
+            raise ValueError(
+                "longitude_deg covers more than the circle; drop the repeated meridian."
+            )
+        return cls(latitude, longitude)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(lat, lon) numbers of nodes."""
+        return self.latitude.size, self.longitude.size
+
+    def unit_vectors(self) -> Float[np.ndarray, "lat lon 3"]:
+        """The nodes as float64 unit vectors; x to (0°, 0°), z to the north pole."""
+        phi, lam = np.deg2rad(self.latitude.values), np.deg2rad(self.longitude.values)
+        # cos(π/2) is not 0 in floating point, and a pole must be one point
+        cos_phi = np.where(self._at_pole(), 0.0, np.cos(phi))
+        x, y = np.outer(cos_phi, np.cos(lam)), np.outer(cos_phi, np.sin(lam))
+        z = np.broadcast_to(np.sin(phi)[:, None], self.shape)
+        return np.stack([x, y, z], axis=-1)
+
+    def single_valued_poles(
+        self, nodes: Float[Array, "*batch lat lon channels"]
+    ) -> Float[Array, "*batch lat lon channels"]:
+        """The field, with any row on a pole replaced by its mean over longitude."""
+        if not self.longitude.periodic:
+            return nodes
+        mean = jnp.mean(nodes, axis=-2, keepdims=True)
+        return jnp.where(jnp.asarray(self._at_pole())[:, None, None], mean, nodes)
+
+    def corners(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> list[tuple[Int[AnyArray, "*points"], Float[AnyArray, "*points"]]]:
+        """Flat node index and bilinear weight of the four nodes round each point."""
+        south, north, up = self.latitude.cell(latitude_deg)
+        west, east, right = self.longitude.cell(longitude_deg)
+        rows = ((south, 1 - up), (north, up))
+        columns = ((west, 1 - right), (east, right))
+        return [
+            (i * self.longitude.size + j, wi * wj)
+            for i, wi in rows
+            for j, wj in columns
+        ]
+
+    def sample(
+        self,
+        nodes: Float[AnyArray, "lat lon channels"],
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points channels"]:
+        """Bilinear interpolation, held constant outside a non-periodic axis.
+
+        numpy coordinates give a numpy result of their own precision, so that host code
+        in float64 loses nothing to float32; all else, or a traced field, gives JAX.
+        """
+        if isinstance(nodes, Tracer):
+            latitude_deg = jnp.asarray(latitude_deg)
+            longitude_deg = jnp.asarray(longitude_deg)
+        elif isinstance(latitude_deg, np.ndarray):
+            nodes = np.asarray(nodes)
+        flat = nodes.reshape(-1, nodes.shape[-1])
+        return weighted_nodes(flat, self.corners(latitude_deg, longitude_deg))
+
+    def _at_pole(self) -> np.ndarray:
+        return np.abs(self.latitude.values) > 90 - _UNIFORM * self.latitude.step
+
+
+def weighted_nodes(
+    flat: Float[AnyArray, "nodes channels"],
+    corners: list[tuple[Int[AnyArray, "*points"], Float[AnyArray, "*points"]]],
+) -> Float[AnyArray, "*points channels"]:
+    """Sum of weight times node over the `corners` that `LatLonGrid.corners` found."""
+    xp = np if isinstance(flat, np.ndarray) else jnp
+    terms = [
+        xp.take(flat, index, axis=0, mode="clip") * weight[..., None]
+        for index, weight in corners
+    ]
+    return terms[0] + terms[1] + terms[2] + terms[3]
+
+
+# The decision procedure -------------------------------------------------------------
+
+# Narrower edges than this are indistinguishable from a step, and its square still
+# divides in float32.
+_NARROWEST = 1e-12
+# Rounds off the infinite slope of Sundqvist's root at saturation; error below 1e-3.
+_ROOT_SOFTENING = 1e-6
+
+
+class Conditions(eqx.Module):
+    """When a class of cloud is present: one row of Schinder et al. (2024), Table 1.
+
+    - `sampling_altitude_m`: where the analysis is sampled.
+    - `shell_bottom_m`, `shell_top_m`: the shell the cloud fills.
+    - `vertical_wind_min_pa_s`, `vertical_wind_max_pa_s`: interval of v_z, upwards as
+      `cloud_fraction` defines it; the ends may be infinite.
+    - `temperature_min_k`, `temperature_max_k`: interval of temperature.
+    - `critical_relative_humidity`: fraction (0 to 1) below which no cloud forms. The
+      paper samples humidity but prints no limit, so this is ours.
+    - `vertical_wind_width_pa_s`, `temperature_width_k`: scale s of the logistic edges
+      1/(1 + exp(-(x - edge)/s)), which rise from 12 % to 88 % over 4 s. Zero is the
+      paper's yes or no; two classes that share an edge and a width add up to one there.
+    """
+
+    sampling_altitude_m: Scalar
+    shell_bottom_m: Scalar
+    shell_top_m: Scalar
+    vertical_wind_min_pa_s: Scalar
+    vertical_wind_max_pa_s: Scalar
+    temperature_min_k: Scalar
+    temperature_max_k: Scalar
+    critical_relative_humidity: Scalar
+    vertical_wind_width_pa_s: Scalar
+    temperature_width_k: Scalar
+
+    def __check_init__(self):
+        if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self)):
+            return
+        for low, high in (
+            ("shell_bottom_m", "shell_top_m"),
+            ("vertical_wind_min_pa_s", "vertical_wind_max_pa_s"),
+            ("temperature_min_k", "temperature_max_k"),
+        ):
+            if not getattr(self, low) < getattr(self, high):
+                raise ValueError(f"{low} must be less than {high}.")
+        if not 0 <= self.critical_relative_humidity < 1:
+            raise ValueError(
+                "critical_relative_humidity is a fraction and must lie in [0, 1)."
+            )
+        if not (self.vertical_wind_width_pa_s >= 0 and self.temperature_width_k >= 0):
+            raise ValueError("The widths of the soft edges must not be negative.")
+
+
+def _above(value, edge, width):
+    """Soft indicator of value > edge; an infinite edge needs no arithmetic."""
+    finite = jnp.isfinite(edge)
+    gap = value - jnp.where(finite, edge, 0.0)
+    soft = jax.nn.sigmoid(gap / jnp.maximum(width, _NARROWEST))
+    return jnp.where(finite, soft, jnp.where(edge < 0, 1.0, 0.0))
+
+
+def _within(value, low, high, width):
+    return _above(value, low, width) * _above(-value, -jnp.asarray(high), width)
+
+
+def _sundqvist(relative_humidity, critical):
+    dryness = jnp.clip((1 - relative_humidity) / (1 - critical), 0, 1)
+    softened = jnp.sqrt(dryness + _ROOT_SOFTENING) - _ROOT_SOFTENING**0.5
+    return 1 - softened / ((1 + _ROOT_SOFTENING) ** 0.5 - _ROOT_SOFTENING**0.5)
+
+
+def cloud_fraction(
+    conditions: Conditions,
+    relative_humidity: Float[AnyArray, "*points"],
+    temperature_k: Float[AnyArray, "*points"],
+    omega_pa_s: Float[AnyArray, "*points"],
+    *,
+    omega_sign: float = -1.0,
+) -> Float[Array, "*points"]:
+    """Fraction of the sky that a class of cloud covers, between 0 and 1.
+
+    Humidity gives the fraction of Sundqvist et al. (1989, Mon. Wea. Rev. 117, 1641),
+    C = 1 - sqrt((1 - RH)/(1 - RH_c)), and the conditions of Table 1 of Schinder et al.
+    (2024) multiply it by soft indicators.
+
+    **Arguments:**
+
+    - `conditions`: the class of cloud.
+    - `relative_humidity`: 0 to 1 (not per cent), at `conditions.sampling_altitude_m`;
+      outside it is clipped.
+    - `temperature_k`, `omega_pa_s`: there too. Omega is dp/dt, positive *downwards*, as
+      in GFS VVEL.
+    - `omega_sign`: v_z = omega_sign · omega. Table 1 gives v_z in Pa/s, the unit of
+      omega, while the text needs rising air; -1 reads v_z as upward motion, +1 takes
+      the printed inequality on omega itself.
+
+    **Returns:** the fraction. Where any input is NaN it is zero.
+    """
+    fields = [jnp.asarray(f) for f in (relative_humidity, temperature_k, omega_pa_s)]
+    missing = jnp.isnan(fields[0]) | jnp.isnan(fields[1]) | jnp.isnan(fields[2])
+    # replaced before the arithmetic: NaN behind a `where` still reaches the gradient
+    humidity, temperature, omega = (jnp.where(missing, 0.0, f) for f in fields)
+    c = conditions
+    fraction = _sundqvist(humidity, c.critical_relative_humidity)
+    rising = _within(
+        omega_sign * omega,
+        c.vertical_wind_min_pa_s,
+        c.vertical_wind_max_pa_s,
+        c.vertical_wind_width_pa_s,
+    )
+    tempered = _within(
+        temperature, c.temperature_min_k, c.temperature_max_k, c.temperature_width_k
+    )
+    return jnp.where(missing, 0.0, fraction * rising * tempered)
+
+
+def fraction_to_mask(
+    fraction: Float[AnyArray, "*points"], *, smallest: float = 1e-4
+) -> Float[Array, "*points"]:
+    """The weather mask w = Φ⁻¹(fraction), in units of the cloud function.
+
+    Textures are standardised, so where their weighted sum has unit variance and a
+    normal distribution, the level set `sum + w > 0` covers `fraction`.
+
+    **Arguments:**
+
+    - `fraction`: cloud fraction; clipped to [0, 1], NaN counts as 0.
+    - `smallest`: the fraction is squeezed linearly into [smallest, 1 - smallest], where
+      the probit and its slope (at most 1/φ(w), 2500 at 1e-4) are finite. Unlike a clip,
+      this leaves a clear sky a way back. Coverage is wrong by at most `smallest`.
+    """
+    fraction = jnp.asarray(fraction)
+    known = jnp.where(jnp.isnan(fraction), 0.0, fraction)
+    return jax.scipy.special.ndtri(
+        smallest + (1 - 2 * smallest) * jnp.clip(known, 0.0, 1.0)
+    )
+
+
+class MaskGrid(eqx.Module):
+    """A weather mask on a regular grid, to be called with latitudes and longitudes.
+
+    Build it with `MaskGrid.from_fraction`, or from mask values without NaN.
+    """
+
+    mask: Float[Array, "lat lon"]
+    grid: LatLonGrid
+
+    def __check_init__(self):
+        if self.mask.shape != self.grid.shape:
+            raise ValueError(
+                f"The mask has shape {self.mask.shape}, its axes {self.grid.shape}."
+            )
+        if not isinstance(self.mask, Tracer) and jnp.any(jnp.isnan(self.mask)):
+            raise ValueError("The mask holds NaN; use MaskGrid.from_fraction.")
+
+    @classmethod
+    def from_fraction(
+        cls,
+        fraction: Float[AnyArray, "lat lon"],
+        latitude_deg: ArrayLike,
+        longitude_deg: ArrayLike,
+    ) -> "MaskGrid":
+        """The mask of a cloud fraction; NaN counts as clear.
+
+        **Arguments:**
+
+        - `fraction`: [lat, lon], 0 to 1. On a grid round the whole circle, rows at ±90
+          are averaged: a pole is one place.
+        - `latitude_deg`, `longitude_deg`: as for `LatLonGrid.from_axes`.
+        """
+        grid = LatLonGrid.from_axes(latitude_deg, longitude_deg)
+        known = jnp.nan_to_num(jnp.asarray(fraction), nan=0.0)
+        known = grid.single_valued_poles(known[..., None])[..., 0]
+        return cls(fraction_to_mask(known), grid)
+
+    def __call__(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points"]:
+        """The mask at these points [degrees], bilinear; numpy in, numpy out.
+
+        Outside a regional grid, and between the outermost row and the pole, the value
+        of the edge is held.
+        """
+        nodes = self.mask[..., None]
+        return self.grid.sample(nodes, latitude_deg, longitude_deg)[..., 0]
+
+
+# Classes of cloud as data -----------------------------------------------------------
+
+
+def cloud_classes() -> dict[str, Conditions]:
+    """The four classes of Schinder et al. (2024), Table 1, by name."""
+    text = importlib.resources.files("cloudjax").joinpath("cloud_classes.toml")
+    return _parse_classes(text.read_text(encoding="utf-8"), "cloud_classes.toml")
+
+
+def load_classes(path: str | Path) -> dict[str, Conditions]:
+    """Classes of cloud from a TOML file laid out as `cloud_classes.toml`.
+
+    One table for each class, one key for each field of `Conditions`.
+
+    **Raises:** `ValueError` that names the file, the class and the key where a key is
+    unknown, missing, not a number, or out of range.
+    """
+    return _parse_classes(Path(path).read_text(encoding="utf-8"), str(path))
+
+
+def _parse_classes(text: str, source: str) -> dict[str, Conditions]:
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{source} is not valid TOML: {error}.") from error
+    return {name: _parse_class(name, table, source) for name, table in tables.items()}
+
+
+def _parse_class(name: str, table: Any, source: str) -> Conditions:
+    if not isinstance(table, dict):
+        raise ValueError(f"{source}: {name} must be a table of conditions, [{name}].")
+    known = list(Conditions.__dataclass_fields__)
+    for problem, keys in (
+        ("has unknown", [key for key in table if key not in known]),
+        ("lacks the", [key for key in known if key not in table]),
+    ):
+        if keys:
+            raise ValueError(
+                f"{source}: class {name} {problem} key(s) {', '.join(keys)}; "
+                f"the keys are {', '.join(known)}."
+            )
+    for key, value in table.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{source}: {name}.{key} must be a number, not {value!r}.")
+    try:
+        return Conditions(**{key: float(value) for key, value in table.items()})
+    except ValueError as error:
+        raise ValueError(f"{source}: class {name}: {error}") from error
