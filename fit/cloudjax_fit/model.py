@@ -1,0 +1,246 @@
+"""The scene that a target is fitted with, and the parameters that may move.
+
+Only what the target shows is built: no cirrus without a window band, no air and no
+sunlight in bands that are not asked.
+"""
+
+import functools as ft
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from cloudjax import (
+    ICE,
+    WATER,
+    BandRadiances,
+    CloudFunction,
+    EmissiveBands,
+    FractalCloud,
+    InvertedWorley,
+    Latent,
+    Layer,
+    MaskGrid,
+    Particles,
+    Perlin,
+    Rays,
+    ReflectiveBands,
+    Scene,
+    Shell,
+    StandardAtmosphere,
+    TwoFlux,
+    View,
+    cloud_classes,
+    navigate,
+)
+from cloudjax_data import sun_direction
+from cloudjax.weather import LatLonGrid
+
+from .parameters import Parameter
+from .target import BandTarget, Target
+
+
+FRACTALS = (Perlin(8, 4), Perlin(8, 4), InvertedWorley(12))
+TEXTURE_NAMES = ("coarse", "fine", "worley")
+# Periods without a common multiple, so that the sum repeats nowhere in an image.
+LENGTH_SCALES_M = {
+    "low_stratus": (410e3, 97e3, 173e3),
+    "cirrus": (620e3, 139e3, 251e3),
+}
+# Where each class starts: base, top and scale of the barriers, extinction.
+START = {
+    "low_stratus": (600.0, 1800.0, 250.0, 3e-3),
+    "cirrus": (7000.0, 9300.0, 400.0, 4e-4),
+}
+PARTICLES = {"low_stratus": WATER, "cirrus": ICE}
+# The paper's extinction is (1 - g)/2 of the physical one, for g = 0.85 (docs/paper.md);
+# absorption in the infrared is not reduced.
+BACKSCATTER_SHARE = (1 - 0.85) / 2
+REFERENCE_BAND = 13
+
+
+def build_scene(target: Target, *, seed: int = 0, steps: int = 24) -> Scene:
+    """The scene that a target calls for, at the parameters' defaults."""
+    layers = tuple(
+        _layer(name, target, seed + 100 * i, steps)
+        for i, name in enumerate(target.fractions)
+    )
+    return Scene(
+        layers=layers,
+        reflective=_reflective_bands(target.reflective),
+        emissive=_emissive_bands(target.emissive),
+        reflection=TwoFlux(indirect=jnp.asarray(0.3)),
+        temperature=StandardAtmosphere(jnp.asarray(0.0)),
+    )
+
+
+def _layer(name: str, target: Target, seed: int, steps: int) -> Layer:
+    base, top, scale, extinction = START[name]
+    conditions = cloud_classes()[name]
+    particles: Particles = PARTICLES[name]
+    function = CloudFunction(
+        weights=jnp.asarray([1.0, 0.5, 0.5]),
+        mask_gain=jnp.asarray(1.0),
+        threshold=jnp.asarray(0.0),
+        barrier_strength=jnp.asarray(1.0),
+        base_m=jnp.asarray(base),
+        top_m=jnp.asarray(top),
+        barrier_scale_m=jnp.asarray(scale),
+        smoothing=jnp.asarray(0.02),
+    )
+    return Layer(
+        cloud=FractalCloud(
+            function=function,
+            latent=Latent.gauss_hermite(),
+            shell=Shell(conditions.shell_bottom_m, conditions.shell_top_m),
+            fractals=FRACTALS,
+            length_scales_m=LENGTH_SCALES_M[name],
+            seed=seed,
+        ),
+        extinction_per_m=jnp.asarray(extinction),
+        infrared_ratio=jnp.asarray(particles.infrared_ratio / BACKSCATTER_SHARE),
+        co_albedo=jnp.asarray(
+            particles.co_albedo_in([b.number for b in target.reflective]), float
+        ),
+        relative_absorption=jnp.asarray(
+            particles.relative_absorption_in([b.number for b in target.emissive]), float
+        ),
+        name=name,
+        steps=steps,
+    )
+
+
+def _reflective_bands(bands: Sequence[BandTarget]) -> ReflectiveBands | None:
+    if not bands:
+        return None
+    return ReflectiveBands(
+        numbers=tuple(b.number for b in bands),
+        reflectance_per_radiance=_stack([b.coefficients["kappa0"] for b in bands]),
+        path=_stack([_path_reflectance(b) for b in bands]),
+        gain=jnp.ones(len(bands)),
+    )
+
+
+def _emissive_bands(bands: Sequence[BandTarget]) -> EmissiveBands | None:
+    if not bands:
+        return None
+    planck = {
+        name: _stack([b.coefficients[name] for b in bands])
+        for name in ("fk1", "fk2", "bc1", "bc2")
+    }
+    return EmissiveBands(
+        numbers=tuple(b.number for b in bands),
+        **planck,
+        path=jnp.zeros(len(bands)),
+        gain=jnp.ones(len(bands)),
+    )
+
+
+def _path_reflectance(band: BandTarget) -> float:
+    """Rayleigh scattering above low cloud, to first order: where its prior lies.
+
+    τ of Bodhaine et al. (1999, eq. 30) at 850 hPa, phase function 3/4 (1 + cos²Θ) near
+    backscatter, over the cosines of two 50 degree slants.
+    """
+    λ2 = band.wavelength_um**2
+    τ = (
+        0.0021520
+        * (1.0455996 - 341.29061 / λ2 - 0.90230850 * λ2)
+        / (1 + 0.0027059889 / λ2 - 85.968563 * λ2)
+    )
+    return 0.85 * τ * 1.5 / (4 * np.cos(np.radians(50)))
+
+
+def _stack(numbers) -> jnp.ndarray:
+    return jnp.asarray(np.array(numbers), float)
+
+
+def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
+    """Everything that may be fitted, with bounds and priors.
+
+    The gauge of eq. (1) is fixed by holding the first weight and the strength of the
+    barriers at 1 (see `cloudjax.cloud`): they are not listed.
+    """
+    parameters = []
+    for i, layer in enumerate(scene.layers):
+        parameters += _layer_parameters(i, layer, target)
+    if scene.reflective is not None:
+        parameters.append(
+            Parameter("light.indirect", lambda s: s.reflection.indirect, 0.3, 0, 1, 0.2)
+        )
+        for i, band in enumerate(target.reflective):
+            parameters += _reflective_air(i, band, scene)
+    if scene.emissive is not None:
+        parameters.append(
+            Parameter(
+                "air.temperature_offset",
+                lambda s: s.temperature.offset_k,
+                0.0, -15.0, 15.0, 4.0, "K",
+            )
+        )  # fmt: skip
+        for i, band in enumerate(target.emissive):
+            parameters += _emissive_air(i, band)
+    return parameters
+
+
+def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
+    function = lambda s: s.layers[i].cloud.function  # noqa: E731
+    base, top, scale, extinction = START[layer.name]
+    shell, name = layer.cloud.shell, layer.name
+    new = ft.partial(Parameter)
+    found = [
+        new(f"{name}.weight_fine", lambda s: function(s).weights, 0.5, 0, 3, 0.4, index=1),
+        new(f"{name}.weight_worley", lambda s: function(s).weights, 0.5, 0, 3, 0.4, index=2),
+        new(f"{name}.mask_gain", lambda s: function(s).mask_gain, 1.0, 0, 4, 0.4),
+        new(f"{name}.threshold", lambda s: function(s).threshold, 0.0, -4, 4, 0.7),
+        new(f"{name}.top", lambda s: function(s).top_m, top, shell.bottom_m + 300,
+            shell.top_m + 500, 800.0, "m"),
+        new(f"{name}.barrier_scale", lambda s: function(s).barrier_scale_m, scale, 30,
+            2500, 0.7, "m", log=True),
+        new(f"{name}.extinction", lambda s: s.layers[i].extinction_per_m, extinction,
+            1e-6, 1, 1.0, "1/m", log=True),
+    ]  # fmt: skip
+    if target.emissive:
+        found.append(
+            new(f"{name}.infrared_ratio", lambda s: s.layers[i].infrared_ratio,
+                float(layer.infrared_ratio), 0.3, 60, 0.4, log=True)
+        )  # fmt: skip
+    return found
+
+
+def _reflective_air(i: int, band: BandTarget, scene: Scene) -> list[Parameter]:
+    path = float(scene.reflective.path[i])
+    return [
+        Parameter(f"air.path_{band.name}", lambda s: s.reflective.path, path, -0.1, 0.3,
+                  0.01 + 0.5 * path, index=i),
+        Parameter(f"air.gain_{band.name}", lambda s: s.reflective.gain, 1.0, 0.5, 1.5,
+                  0.1, index=i),
+    ]  # fmt: skip
+
+
+def _emissive_air(i: int, band: BandTarget) -> list[Parameter]:
+    return [
+        Parameter(f"air.gain_{band.name}", lambda s: s.emissive.gain, 1.0, 0.7, 1.2,
+                  0.03, index=i),
+    ]  # fmt: skip
+
+
+def look(scene: Scene, target: Target, rays: Rays) -> tuple[View, BandRadiances]:
+    """Navigate rays through the scene, and what they see without cloud."""
+    masks = [
+        MaskGrid.from_fraction(
+            target.fractions[layer.name], target.latitude_deg, target.longitude_deg
+        )
+        for layer in scene.layers
+    ]
+    view = navigate(scene, rays, sun_direction(target.time), masks)
+    ground, _ = rays.ground(target.grid.ellipsoid)
+    grid = LatLonGrid.from_axes(target.latitude_deg, target.longitude_deg)
+
+    def behind(bands: Sequence[BandTarget]):
+        if not bands:
+            return None
+        maps = np.stack([band.background for band in bands], axis=-1)
+        at_rays = grid.sample(maps, ground.latitude_deg, ground.longitude_deg)
+        return jnp.asarray(np.asarray(at_rays).T, float)
+
+    return view, BandRadiances(behind(target.reflective), behind(target.emissive))

@@ -1,0 +1,133 @@
+"""Fitted parameters: where they sit in a scene, their bounds and their priors.
+
+The solver works on unbounded numbers u; each parameter maps its own onto the open
+interval between its bounds by a logistic curve, on a logarithmic scale where it has
+one. Its prior is a Gaussian on the parameter or on its logarithm.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from cloudjax import Scene
+from jaxtyping import Array, Float
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a scene that may be fitted.
+
+    **Fields:**
+
+    - `name`: such as "low_stratus.threshold"; `unit`.
+    - `where`: the array of the scene that holds it, and `index` its place there.
+    - `default`: where fits start and the middle of the prior.
+    - `lower`, `upper`: bounds.
+    - `spread`: standard deviation of the prior, a factor's logarithm where `log`.
+    - `log`: whether scale and prior are logarithmic.
+    - `free`: whether a fit may move it.
+    """
+
+    name: str
+    where: Callable[[Scene], Array]
+    default: float
+    lower: float
+    upper: float
+    spread: float
+    unit: str = ""
+    index: int | None = None
+    log: bool = False
+    free: bool = True
+
+    def __post_init__(self):
+        if not self.lower < self.default < self.upper:
+            raise ValueError(
+                f"{self.name} = {self.default:g} is not between its bounds "
+                f"{self.lower:g} and {self.upper:g}"
+            )
+
+    def scaled(self, value):
+        """The value on the parameter's own scale, where its prior is Gaussian."""
+        return jnp.log(value) if self.log else value
+
+    def value(self, u: Float[Array, ""]) -> Float[Array, ""]:
+        low, high = self._ends
+        scaled = low + (high - low) * jax.nn.sigmoid(u)
+        return jnp.exp(scaled) if self.log else scaled
+
+    def unbounded(self, value: float) -> float:
+        """The inverse of `value`."""
+        low, high = self._ends
+        scaled = math.log(value) if self.log else value
+        share = (scaled - low) / (high - low)
+        return math.log(share / (1 - share))
+
+    def surprise(self, value: Float[Array, ""]) -> Float[Array, ""]:
+        """Standard deviations of the prior away from its middle."""
+        middle = math.log(self.default) if self.log else self.default
+        return (self.scaled(value) - middle) / self.spread
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        if self.log:
+            return math.log(self.lower), math.log(self.upper)
+        return self.lower, self.upper
+
+
+def put(scene: Scene, parameter: Parameter, value: Float[Array, ""]) -> Scene:
+    """The scene with one parameter changed."""
+
+    def changed(old):
+        value_like = jnp.asarray(value, old.dtype)
+        if parameter.index is None:
+            return value_like
+        return old.at[parameter.index].set(value_like)
+
+    return eqx.tree_at(parameter.where, scene, replace_fn=changed)
+
+
+def put_all(
+    scene: Scene, parameters: Sequence[Parameter], values: Float[Array, " parameters"]
+) -> Scene:
+    for i, parameter in enumerate(parameters):
+        scene = put(scene, parameter, values[i])
+    return scene
+
+
+def values_of(
+    parameters: Sequence[Parameter], u: Float[Array, " parameters"]
+) -> Float[Array, " parameters"]:
+    return jnp.stack([p.value(u[i]) for i, p in enumerate(parameters)])
+
+
+def unbounded_of(
+    parameters: Sequence[Parameter], values: Mapping[str, float] | None = None
+) -> Float[Array, " parameters"]:
+    """Starting numbers of a solver; parameters that `values` lacks start as default."""
+    values = values or {}
+    return jnp.asarray(
+        [p.unbounded(values.get(p.name, p.default)) for p in parameters], float
+    )
+
+
+def with_overrides(
+    parameters: Sequence[Parameter], overrides: Mapping[str, Mapping]
+) -> list[Parameter]:
+    """Parameters with defaults, bounds, priors or freedom changed by a user.
+
+    **Raises:** `ValueError` for a parameter or a key that does not exist.
+    """
+    names = [p.name for p in parameters]
+    allowed = {"default", "lower", "upper", "spread", "free"}
+    for name, changes in overrides.items():
+        if name not in names:
+            raise ValueError(f"unknown parameter {name!r}: there are {names}")
+        unknown = sorted(set(changes) - allowed)
+        if unknown:
+            raise ValueError(
+                f"unknown key {unknown[0]!r} of {name!r}: there are {sorted(allowed)}"
+            )
+    return [replace(p, **overrides.get(p.name, {})) for p in parameters]

@@ -1,0 +1,87 @@
+"""Spectral bands: radiance of reflected sunlight and of emission, in file units.
+
+Reflective bands are in W m⁻² sr⁻¹ µm⁻¹, emissive ones in mW m⁻² sr⁻¹ (cm⁻¹)⁻¹, as in
+ABI L1b files, whose own coefficients are the fields here.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+REFLECTIVE_UNITS = "W m-2 sr-1 um-1"
+EMISSIVE_UNITS = "mW m-2 sr-1 (cm-1)-1"
+
+
+class ReflectiveBands(eqx.Module):
+    """Bands that see reflected sunlight.
+
+    **Fields:**
+
+    - `numbers`: of the bands.
+    - `reflectance_per_radiance`: κ₀ = π d² / E_sun.
+    - `co_albedo`: 1 - ω of the cloud's particles.
+    - `path`: reflectance factor of the air above the cloud.
+    - `gain`: transmittance of that air, both ways, and the calibration.
+    """
+
+    numbers: tuple[int, ...] = eqx.field(static=True)
+    reflectance_per_radiance: Float[Array, " bands"]
+    path: Float[Array, " bands"]
+    gain: Float[Array, " bands"]
+
+    def radiance(
+        self, reflectance: Float[Array, "bands rays"]
+    ) -> Float[Array, "bands rays"]:
+        return reflectance / self.reflectance_per_radiance[:, None]
+
+    def reflectance(
+        self, radiance: Float[Array, "bands rays"]
+    ) -> Float[Array, "bands rays"]:
+        return radiance * self.reflectance_per_radiance[:, None]
+
+
+class EmissiveBands(eqx.Module):
+    """Bands that see thermal emission.
+
+    **Fields:**
+
+    - `numbers`: of the bands.
+    - `fk1`, `fk2`, `bc1`, `bc2`: the file's Planck function with its band correction,
+      L = fk1 / (exp(fk2 / (bc1 + bc2 T)) - 1).
+    - `path`: radiance of the air above the cloud.
+    - `gain`: transmittance of that air and the calibration.
+    """
+
+    numbers: tuple[int, ...] = eqx.field(static=True)
+    fk1: Float[Array, " bands"]
+    fk2: Float[Array, " bands"]
+    bc1: Float[Array, " bands"]
+    bc2: Float[Array, " bands"]
+    path: Float[Array, " bands"]
+    gain: Float[Array, " bands"]
+
+    def planck(
+        self, temperature_k: Float[Array, "*points"]
+    ) -> Float[Array, "bands *points"]:
+        """Radiance of a black body; finite down to 1 K, below which it stays."""
+
+        def one(fk1, fk2, bc1, bc2):
+            effective = bc1 + bc2 * jnp.maximum(temperature_k, 1.0)
+            # exp overflows float32 at 88; the radiance is zero long before.
+            return fk1 / jnp.expm1(jnp.minimum(fk2 / effective, 80.0))
+
+        bands = zip(self.fk1, self.fk2, self.bc1, self.bc2, strict=True)
+        return jnp.stack([one(*band) for band in bands])
+
+    def brightness_temperature_k(
+        self, radiance: Float[Array, "bands rays"]
+    ) -> Float[Array, "bands rays"]:
+        """The inverse of `planck`; radiances that are not positive give 0 K."""
+        fk1, fk2, bc1, bc2 = (
+            c[:, None] for c in (self.fk1, self.fk2, self.bc1, self.bc2)
+        )
+        positive = radiance > 0
+        ratio = fk1 / jnp.where(positive, radiance, 1.0)
+        temperature = (fk2 / jnp.log1p(ratio) - bc1) / bc2
+        return jnp.where(positive, temperature, 0.0)

@@ -1,0 +1,89 @@
+"""The way of a ray through a shell, in small local numbers for the device."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .geodesy import GRS80, Ellipsoid, curvature_radius, ecef, geodetic, up
+from .rays import Rays
+from .shell import Chords
+
+
+class Path(eqx.Module):
+    """Chords through one shell, each on the sphere that osculates the ellipsoid.
+
+    **Fields:**
+
+    - `length_m`: of the chord; 0 where the ray misses.
+    - `entry_altitude_m`: geodetic.
+    - `radius_m`: of the osculating sphere in the ray's vertical plane, to the entry.
+    - `direction`: of travel, unit vector, ECEF.
+    - `entry_up`: geodetic vertical at the entry, ECEF.
+    """
+
+    length_m: Float[Array, " rays"]
+    entry_altitude_m: Float[Array, " rays"]
+    radius_m: Float[Array, " rays"]
+    direction: Float[Array, "rays 3"]
+    entry_up: Float[Array, "rays 3"]
+
+    def distance_m(self, steps: int) -> Float[Array, "rays {steps}"]:
+        """Distances from the entry to the middle of equal steps along the chord."""
+        fraction = (jnp.arange(steps, dtype=self.length_m.dtype) + 0.5) / steps
+        return self.length_m[:, None] * fraction[None, :]
+
+    def altitude_m(
+        self, distance_m: Float[Array, "*nodes rays steps"]
+    ) -> Float[Array, "*nodes rays steps"]:
+        """Altitude after a distance from the entry.
+
+        From |r + s d|² = r² + 2 r μ s + s², with the difference of squares divided
+        out, so that nothing large is subtracted and float32 keeps centimetres.
+        """
+        r = self.radius_m[:, None]
+        gained = (2 * r * self._slope()[:, None] + distance_m) * distance_m
+        return self.entry_altitude_m[:, None] + gained / (r + jnp.sqrt(r**2 + gained))
+
+    def up(
+        self, distance_m: Float[Array, "*nodes rays steps"]
+    ) -> Float[Array, "*nodes rays steps 3"]:
+        """The vertical after a distance from the entry, unit vectors."""
+        position = (
+            self.radius_m[:, None, None] * self.entry_up[:, None, :]
+            + distance_m[..., None] * self.direction[:, None, :]
+        )
+        return position / jnp.linalg.norm(position, axis=-1, keepdims=True)
+
+    def _slope(self) -> Float[Array, " rays"]:
+        return (self.direction * self.entry_up).sum(-1)
+
+
+def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
+    """Bring chords onto the device. Runs on the host in float64."""
+    latitude, longitude, altitude = geodetic(rays.at(chords.entry_m), ellipsoid)
+    vertical = up(latitude, longitude)
+    ground_radius = curvature_radius(vertical, rays.direction, ellipsoid)
+    return Path(
+        length_m=device_array(chords.length_m),
+        entry_altitude_m=device_array(altitude),
+        radius_m=device_array(ground_radius + altitude),
+        direction=device_array(rays.direction),
+        entry_up=device_array(vertical),
+    )
+
+
+def upwind(
+    position_m: Float[np.ndarray, "rays 3"], displacement, ellipsoid: Ellipsoid = GRS80
+) -> Float[np.ndarray, "rays 3"]:
+    """Where the air at a position came from, at the same altitude (section 2.2)."""
+    latitude, longitude, altitude = geodetic(position_m, ellipsoid)
+    source = displacement.upwind(up(latitude, longitude))
+    φ = np.degrees(np.arcsin(np.clip(source[..., 2], -1, 1)))
+    λ = np.degrees(np.arctan2(source[..., 1], source[..., 0]))
+    return ecef(φ, λ, altitude, ellipsoid)
+
+
+def device_array(x: Float[np.ndarray, "..."]) -> Array:
+    """A host array in the default float of the running JAX, float32 or float64."""
+    return jnp.asarray(x, dtype=float)

@@ -1,0 +1,63 @@
+"""Lines of sight, navigated once in float64 on the host."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .geodesy import GRS80, Ellipsoid, geodetic, intersect, up
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Lines of sight of a sensor, one per pixel.
+
+    **Fields:**
+
+    - `origin_m`: where the sensor is, ECEF.
+    - `direction`: unit vectors away from the sensor, ECEF.
+    - `pixel_rad`: the angle that a pixel spans, from which its footprint follows.
+    """
+
+    origin_m: Float[np.ndarray, "rays 3"]
+    direction: Float[np.ndarray, "rays 3"]
+    pixel_rad: float
+
+    def __len__(self) -> int:
+        return len(self.direction)
+
+    def __getitem__(self, index) -> "Rays":
+        return Rays(self.origin_m[index], self.direction[index], self.pixel_rad)
+
+    def at(self, distance_m: Float[np.ndarray, " rays"]) -> Float[np.ndarray, "rays 3"]:
+        """ECEF positions at a distance from the sensor along every ray."""
+        return self.origin_m + distance_m[:, None] * self.direction
+
+    def footprint_m(self, ellipsoid: Ellipsoid = GRS80) -> Float[np.ndarray, " rays"]:
+        """Width of each pixel on the ground: the root of its area. NaN off the Earth."""
+        ground, hit = self.ground(ellipsoid)
+        vertical = up(ground.latitude_deg, ground.longitude_deg)
+        slant = -(vertical * self.direction).sum(-1)
+        width = self.pixel_rad * ground.distance_m
+        return np.where(hit, width / np.sqrt(np.where(hit, slant, 1)), np.nan)
+
+    def ground(
+        self, ellipsoid: Ellipsoid = GRS80
+    ) -> tuple["GroundPoints", Bool[np.ndarray, " rays"]]:
+        """Where the rays first meet the ellipsoid, and which ones do.
+
+        A ray that misses gets its point of closest approach.
+        """
+        near, _, hit = intersect(self.origin_m, self.direction, ellipsoid)
+        ahead = hit & (near > 0)
+        latitude, longitude, _ = geodetic(self.at(near), ellipsoid)
+        return GroundPoints(latitude, longitude, near), ahead
+
+
+@dataclass(frozen=True)
+class GroundPoints:
+    """Geodetic positions on the ellipsoid and their distance from the sensor."""
+
+    latitude_deg: Float[np.ndarray, " rays"]
+    longitude_deg: Float[np.ndarray, " rays"]
+    distance_m: Float[np.ndarray, " rays"]

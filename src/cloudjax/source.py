@@ -1,0 +1,43 @@
+"""What the marcher asks of a source of cloud."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+
+class Occupancy(eqx.Module):
+    """How much of each step of each ray is cloud.
+
+    **Fields:**
+
+    - `fraction`: in [0, 1], for each of the equally possible sub-pixel structures.
+    - `weights`: of those structures, adding up to 1.
+    - `gradient`: points into the cloud; needed for surface normals only.
+    """
+
+    fraction: Float[Array, "nodes rays steps"]
+    weights: Float[Array, " nodes"]
+    gradient: Float[Array, "rays steps 3"] | None
+
+
+class AbstractCloudSource(eqx.Module):
+    """A source of extinction along rays: fractal clouds, particles, gridded water.
+
+    A source answers in two parts, so that a fit can hold on to the first: `sample`
+    does all that depends on where the rays run, `occupancy` all that depends on the
+    parameters.
+    """
+
+    @abc.abstractmethod
+    def navigate(self, rays) -> Any:
+        """The ways of rays through the source, on the host in float64."""
+
+    @abc.abstractmethod
+    def sample(self, way, textures, *, steps: int, with_gradient: bool) -> Any:
+        """What the source needs along the rays; holds `distance_m`, `altitude_m`."""
+
+    @abc.abstractmethod
+    def occupancy(self, samples) -> Occupancy:
+        """How much of each step is cloud."""

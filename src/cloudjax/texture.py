@@ -1,0 +1,230 @@
+"""Periodic fractal textures: Perlin, inverted Worley, and their average over a pixel.
+
+Textures are data, not parameters: they are passed to compiled functions as arguments
+and no gradient flows into their voxels.
+"""
+
+import functools as ft
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+
+class Texture(eqx.Module):
+    """A standardised scalar field on the periodic unit cube.
+
+    **Fields:**
+
+    - `voxels`: values at the nodes i/n.
+    - `lost_variance`: what averaging over the footprint removed from the variance of
+      the field, 1 at most; the soft level set needs it (see `cloud.py`).
+    """
+
+    voxels: Float[Array, "n n n"]
+    lost_variance: Float[Array, ""]
+
+    def sample(self, u: Float[Array, "*points 3"]) -> Float[Array, " *points"]:
+        """Trilinear interpolation at positions `u` in periods, periodic."""
+        corners, (x, y, z) = self._corners(u)
+        along_x = [[_lerp(corners[:, j, k], x) for k in (0, 1)] for j in (0, 1)]
+        along_xy = [_lerp((along_x[0][k], along_x[1][k]), y) for k in (0, 1)]
+        return _lerp(along_xy, z)
+
+    def sample_with_gradient(
+        self, u: Float[Array, "*points 3"]
+    ) -> tuple[Float[Array, " *points"], Float[Array, "*points 3"]]:
+        """The value and its gradient per period, from the same eight voxels."""
+        corners, (x, y, z) = self._corners(u)
+        along_x = [[_lerp(corners[:, j, k], x) for k in (0, 1)] for j in (0, 1)]
+        along_xy = [_lerp((along_x[0][k], along_x[1][k]), y) for k in (0, 1)]
+        rise_x = [[_rise(corners[:, j, k]) for j in (0, 1)] for k in (0, 1)]
+        rise_y = [along_x[1][k] - along_x[0][k] for k in (0, 1)]
+        gradient = [
+            _lerp([_lerp(rise_x[k], y) for k in (0, 1)], z),
+            _lerp(rise_y, z),
+            _rise(along_xy),
+        ]
+        n = self.voxels.shape[0]
+        return _lerp(along_xy, z), n * jnp.stack(gradient, axis=-1)
+
+    def _corners(self, u):
+        """The eight voxels around each point, and where it lies between them."""
+        n = self.voxels.shape[0]
+        scaled = u * n
+        floor = jnp.floor(scaled)
+        low = jnp.mod(floor.astype(jnp.int32), n)
+        high = jnp.where(low + 1 == n, 0, low + 1)
+        # The flat index with clipping is the form that XLA fuses best on a CPU.
+        flat = jax.lax.stop_gradient(self.voxels).reshape(-1)
+        x, y, z = (
+            (low[..., axis] * stride, high[..., axis] * stride)
+            for axis, stride in enumerate((n * n, n, 1))
+        )
+        corners = np.empty((2, 2, 2), dtype=object)
+        for i, j, k in np.ndindex(2, 2, 2):
+            corners[i, j, k] = flat.at[x[i] + y[j] + z[k]].get(mode="clip")
+        return corners, jnp.moveaxis(scaled - floor, -1, 0)
+
+
+def _lerp(ends, fraction):
+    return ends[0] + fraction * (ends[1] - ends[0])
+
+
+def _rise(ends):
+    return ends[1] - ends[0]
+
+
+@dataclass(frozen=True)
+class Perlin:
+    """Perlin's gradient noise, summed over octaves (Perlin 1985; section 2.1).
+
+    **Fields:**
+
+    - `cells`: of the coarsest lattice, per period and axis.
+    - `octaves`: lattices, each with twice the cells of the one before.
+    - `persistence`: amplitude of an octave relative to the one before.
+    """
+
+    cells: int
+    octaves: int = 4
+    persistence: float = 0.5
+
+    @property
+    def finest_cells(self) -> int:
+        return self.cells * 2 ** (self.octaves - 1)
+
+    def field(self, seed: int, resolution: int) -> Float[Array, "n n n"]:
+        rng = np.random.default_rng(seed)
+        total = jnp.zeros((resolution,) * 3, jnp.float32)
+        for octave in range(self.octaves):
+            lattice = _unit_vectors(rng, (self.cells * 2**octave,) * 3)
+            total += self.persistence**octave * _gradient_noise(lattice, resolution)
+        return total
+
+
+@dataclass(frozen=True)
+class InvertedWorley:
+    """Minus the distance to the nearest of one random point per cell (Worley 1996).
+
+    **Fields:** `cells` per period and axis.
+    """
+
+    cells: int
+
+    @property
+    def finest_cells(self) -> int:
+        return self.cells
+
+    def field(self, seed: int, resolution: int) -> Float[Array, "n n n"]:
+        rng = np.random.default_rng(seed)
+        points = rng.random((self.cells,) * 3 + (3,), dtype=np.float32)
+        return -_nearest_point_distance(points, resolution)
+
+
+Fractal = Perlin | InvertedWorley
+
+
+def make_texture(
+    fractal: Fractal, seed: int, resolution: int = 128, footprint: float = 0.0
+) -> Texture:
+    """A texture of mean 0 and variance 1, averaged over a footprint.
+
+    **Arguments:**
+
+    - `fractal`, `seed`: same seed, same texture.
+    - `resolution`: voxels per axis.
+    - `footprint`: the width of a pixel as a fraction of the period. The average is a
+      Gaussian with the variance of a box of that width, the same in all directions,
+      so that no orientation has to be known.
+    """
+    if fractal.finest_cells * 2 > resolution:
+        raise ValueError(
+            f"{fractal} has {fractal.finest_cells} cells per period and "
+            f"{resolution} voxels cannot resolve them: use at least two per cell."
+        )
+    return _averaged(_standardised(fractal, seed, resolution), float(footprint))
+
+
+@ft.lru_cache(maxsize=16)
+def _standardised(fractal: Fractal, seed: int, resolution: int):
+    field = fractal.field(seed, resolution)
+    field -= field.mean()
+    return field / jnp.sqrt(_interpolated_variance(field))
+
+
+@jax.jit
+def _averaged(raw: Float[Array, "n n n"], footprint: float) -> Texture:
+    n = raw.shape[0]
+    k = [jnp.fft.fftfreq(n), jnp.fft.fftfreq(n), jnp.fft.rfftfreq(n)]
+    k2 = sum(axis**2 for axis in jnp.meshgrid(*k, indexing="ij", sparse=True))
+    σ2 = (footprint * n) ** 2 / 12
+    transfer = jnp.exp(-2 * jnp.pi**2 * σ2 * k2)
+    filtered = jnp.fft.irfftn(jnp.fft.rfftn(raw) * transfer, s=raw.shape)
+    lost = _interpolated_variance(raw) - _interpolated_variance(filtered)
+    # No footprint loses nothing, whatever rounding says.
+    return Texture(filtered, jnp.where(footprint > 0, jnp.clip(lost, 0, 1), 0.0))
+
+
+def _interpolated_variance(voxels: Float[Array, "n n n"]) -> Float[Array, ""]:
+    """Variance of the trilinear interpolant over all space, not only at the nodes.
+
+    Along one axis the mean of ((1-t) a + t b)² over t is (2 R₀ + R₁) / 3 with the
+    autocorrelations R; a filter with those weights gives the product over the axes.
+    """
+    smoothed = voxels
+    for axis in range(3):
+        smoothed = (2 * smoothed + jnp.roll(smoothed, 1, axis)) / 3
+    return (voxels * smoothed).mean() - voxels.mean() ** 2
+
+
+def _unit_vectors(rng: np.random.Generator, shape) -> Float[np.ndarray, "*shape 3"]:
+    """Isotropic directions from uniform numbers, the stable part of numpy's streams."""
+    z = 2 * rng.random(shape) - 1
+    λ = 2 * np.pi * rng.random(shape)
+    ρ = np.sqrt(1 - z**2)
+    return np.stack([ρ * np.cos(λ), ρ * np.sin(λ), z], -1).astype(np.float32)
+
+
+@ft.partial(jax.jit, static_argnames="resolution")
+def _gradient_noise(lattice: Float[Array, "c c c 3"], resolution: int):
+    cells = lattice.shape[0]
+    position = jnp.arange(resolution, dtype=jnp.float32) * (cells / resolution)
+    low = jnp.floor(position).astype(jnp.int32)
+    offset = position - low
+    # Perlin's quintic fade: second derivatives are continuous across cells.
+    fade = offset**3 * (offset * (offset * 6 - 15) + 10)
+    total = jnp.zeros((resolution,) * 3, jnp.float32)
+    for i, j, k in np.ndindex(2, 2, 2):
+        index, towards, weight = [], [], []
+        for axis, corner in enumerate((i, j, k)):
+            shape = tuple(-1 if a == axis else 1 for a in range(3))
+            index.append(((low + corner) % cells).reshape(shape))
+            towards.append((offset - corner).reshape(shape))
+            weight.append((fade if corner else 1 - fade).reshape(shape))
+        g = lattice[index[0], index[1], index[2]]
+        dot = sum(g[..., axis] * towards[axis] for axis in range(3))
+        total += weight[0] * weight[1] * weight[2] * dot
+    return total
+
+
+@ft.partial(jax.jit, static_argnames="resolution")
+def _nearest_point_distance(points: Float[Array, "c c c 3"], resolution: int):
+    cells = points.shape[0]
+    position = jnp.arange(resolution, dtype=jnp.float32) * (cells / resolution)
+    low = jnp.floor(position).astype(jnp.int32)
+    offset = position - low
+    nearest2 = jnp.full((resolution,) * 3, jnp.inf, jnp.float32)
+    for neighbour in np.ndindex(3, 3, 3):
+        index, towards = [], []
+        for axis, corner in enumerate(neighbour):
+            shape = tuple(-1 if a == axis else 1 for a in range(3))
+            index.append(((low + corner - 1) % cells).reshape(shape))
+            towards.append((corner - 1 - offset).reshape(shape))
+        p = points[index[0], index[1], index[2]]
+        distance2 = sum((p[..., axis] + towards[axis]) ** 2 for axis in range(3))
+        nearest2 = jnp.minimum(nearest2, distance2)
+    return jnp.sqrt(nearest2)
