@@ -105,12 +105,11 @@ def compare(
     _check_some_shared(a, b, names)
     for number in shared:
         _check_comparable(a[number], b[number], names)
-    lone = sorted(a.keys() ^ b.keys())
     return Comparison(
         title=f"{names[0]} and {names[1]}: radiances compared",
         names=names,
         bands=[_compare_band(a[number], b[number]) for number in shared],
-        warnings=[f"Band {n} is in only one of the two and left out." for n in lone],
+        warnings=_left_out(a, b, names),
         versions=versions or {},
     )
 
@@ -177,8 +176,22 @@ def _check_comparable(
             )
 
 
-def _listed(bands: Mapping[int, BandRadiances]) -> str:
-    return "bands " + ", ".join(map(str, sorted(bands))) if bands else "no bands"
+def _left_out(
+    a: Mapping[int, BandRadiances],
+    b: Mapping[int, BandRadiances],
+    names: tuple[str, str],
+) -> list[str]:
+    alone = [(names[0], a.keys() - b.keys()), (names[1], b.keys() - a.keys())]
+    return [
+        f"Left out, because only {name} holds them: {_listed(numbers)}."
+        for name, numbers in alone
+        if numbers
+    ]
+
+
+def _listed(bands: Iterable[int]) -> str:
+    numbers = ", ".join(map(str, sorted(bands)))
+    return f"bands {numbers}" if numbers else "no bands"
 
 
 def _read_folder(path: Path) -> dict[int, BandRadiances]:
