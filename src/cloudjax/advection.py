@@ -84,7 +84,7 @@ class AbstractWind(eqx.Module):
         """
 
 
-def _single_axis(time_s: ArrayLike | Array) -> Array:
+def _time_axis(time_s):
     """Times as an array, which must still tell seconds apart."""
     if not isinstance(time_s, Tracer):
         exact = np.atleast_1d(np.asarray(time_s, float))
@@ -121,7 +121,7 @@ class Wind(AbstractWind):
         latitude_deg: ArrayLike,
         longitude_deg: ArrayLike,
         *,
-        time_s: ArrayLike | Array = 0.0,
+        time_s: ArrayLike | Array | float = 0.0,
         radius_m: Scalar,
     ):
         """**Arguments:**
@@ -136,7 +136,7 @@ class Wind(AbstractWind):
         """
         self.eastward_m_s = jnp.asarray(eastward_m_s)
         self.northward_m_s = jnp.asarray(northward_m_s)
-        self.time_s = _single_axis(time_s)
+        self.time_s = _time_axis(time_s)
         self.radius_m = radius_m
         self.grid = LatLonGrid.from_axes(latitude_deg, longitude_deg)
 
