@@ -1,8 +1,10 @@
 """Fitted parameters: where they sit in a scene, their bounds and their priors.
 
-The solver works on unbounded numbers u; each parameter maps its own onto the open
+The solver works on unbounded numbers z; each parameter maps its own onto the open
 interval between its bounds by a logistic curve, on a logarithmic scale where it has
-one. Its prior is a Gaussian on the parameter or on its logarithm.
+one. Its prior is a Gaussian on the parameter or on its logarithm. z counts standard
+deviations of the prior away from the default, to first order, so that the damping of
+Levenberg-Marquardt treats all parameters alike.
 """
 
 import math
@@ -53,22 +55,34 @@ class Parameter:
         """The value on the parameter's own scale, where its prior is Gaussian."""
         return jnp.log(value) if self.log else value
 
-    def value(self, u: Float[Array, ""]) -> Float[Array, ""]:
+    def value(self, z: Float[Array, ""]) -> Float[Array, ""]:
         low, high = self._ends
-        scaled = low + (high - low) * jax.nn.sigmoid(u)
+        middle, slope = self._logistic
+        scaled = low + (high - low) * jax.nn.sigmoid(middle + slope * z)
         return jnp.exp(scaled) if self.log else scaled
 
     def unbounded(self, value: float) -> float:
         """The inverse of `value`."""
-        low, high = self._ends
-        scaled = math.log(value) if self.log else value
-        share = (scaled - low) / (high - low)
-        return math.log(share / (1 - share))
+        middle, slope = self._logistic
+        return (self._logit(value) - middle) / slope
 
     def surprise(self, value: Float[Array, ""]) -> Float[Array, ""]:
         """Standard deviations of the prior away from its middle."""
         middle = math.log(self.default) if self.log else self.default
         return (self.scaled(value) - middle) / self.spread
+
+    @property
+    def _logistic(self) -> tuple[float, float]:
+        """Logit of the default, and how much of it a prior's deviation is."""
+        low, high = self._ends
+        middle = self._logit(self.default)
+        share = 1 / (1 + math.exp(-middle))
+        return middle, self.spread / ((high - low) * share * (1 - share))
+
+    def _logit(self, value: float) -> float:
+        low, high = self._ends
+        share = ((math.log(value) if self.log else value) - low) / (high - low)
+        return math.log(share / (1 - share))
 
     @property
     def _ends(self) -> tuple[float, float]:
@@ -98,9 +112,9 @@ def put_all(
 
 
 def values_of(
-    parameters: Sequence[Parameter], u: Float[Array, " parameters"]
+    parameters: Sequence[Parameter], z: Float[Array, " parameters"]
 ) -> Float[Array, " parameters"]:
-    return jnp.stack([p.value(u[i]) for i, p in enumerate(parameters)])
+    return jnp.stack([p.value(z[i]) for i, p in enumerate(parameters)])
 
 
 def unbounded_of(

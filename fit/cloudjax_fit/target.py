@@ -65,7 +65,7 @@ class Target:
     - `bands`: by number.
     - `latitude_deg`, `longitude_deg`: of the grid of fractions and backgrounds.
     - `fractions`: of the sky covered by each class of cloud, as seen past those above.
-    - `block_of_pixel`: rows and columns of blocks that the image is cut into.
+    - `blocks`: rows and columns of blocks that the image is cut into.
     - `block_cloud`, `block_valid`: cloud pixels and good pixels of each block.
     """
 

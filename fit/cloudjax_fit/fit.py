@@ -1,0 +1,223 @@
+"""From a target to fitted parameters, their uncertainties and the simulated image."""
+
+import importlib.metadata
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from cloudjax import BandRadiances, Scene, render
+from jaxtyping import Float
+
+from .histogram import Distances, distances
+from .model import build_scene, look, scene_parameters
+from .objective import make_textures, pose, stacked
+from .parameters import Parameter, put_all, unbounded_of, values_of, with_overrides
+from .solve import OnStep, Solution, Solver
+from .target import Target
+from .uncertainty import Estimate, estimate
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How a fit is done.
+
+    **Fields:**
+
+    - `rays`: pixels that are simulated at each step.
+    - `steps`: of the march through each shell.
+    - `resolution`: voxels per axis of the textures.
+    - `starts`: the defaults, and this many less one drawn from the priors.
+    - `max_steps`: of the solver from each start.
+    - `seed`: of textures, rays, starts and bootstrap.
+    """
+
+    rays: int = 8192
+    steps: int = 24
+    resolution: int = 128
+    starts: int = 1
+    max_steps: int = 100
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedImage:
+    """All pixels of a target, simulated.
+
+    **Fields:**
+
+    - `bands`: their numbers, in the order of `radiance`.
+    - `radiance`: NaN off the Earth.
+    - `cloud`: the softly selected share of each pixel, 0 off the Earth.
+    """
+
+    bands: tuple[int, ...]
+    radiance: Float[np.ndarray, "bands y x"]
+    cloud: Float[np.ndarray, "y x"]
+
+    def band(self, number: int) -> Float[np.ndarray, "y x"]:
+        return self.radiance[self.bands.index(number)]
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """What a fit found.
+
+    **Fields:**
+
+    - `converged`, `status`: whether the solver did, and what it says.
+    - `scene`: with the fitted parameters.
+    - `estimates`: of every free parameter; `held`: the others.
+    - `undetermined`: combinations that the data leave to the priors, in words.
+    - `start`, `image`: simulated with the parameters before and after.
+    - `distances_start`, `distances_fit`: by band.
+    - `history`: loss after each step; `seconds`: wall time by phase.
+    """
+
+    target: Target
+    settings: FitSettings
+    converged: bool
+    status: str
+    scene: Scene
+    estimates: list[Estimate]
+    held: list[Parameter]
+    undetermined: list[str]
+    start: SimulatedImage
+    image: SimulatedImage
+    distances_start: dict[int, Distances]
+    distances_fit: dict[int, Distances]
+    history: tuple[float, ...]
+    seconds: dict[str, float]
+    warnings: list[str] = field(default_factory=list)
+
+
+def fit(
+    target: Target,
+    *,
+    settings: FitSettings | None = None,
+    overrides: Mapping[str, Mapping] | None = None,
+    on_step: OnStep | None = None,
+) -> FitResult:
+    """Fit a scene of clouds to the histograms of a target.
+
+    **Arguments:**
+
+    - `overrides`: changes of parameters by name, such as `{"cirrus.top": {"default":
+      9000.0, "free": False}}`.
+    - `on_step`: called with the number and loss of each step.
+
+    **Raises:** `ValueError` for an override that does not exist or contradicts itself.
+    """
+    settings = settings or FitSettings()
+    clock = _Clock()
+    scene = build_scene(target, seed=settings.seed, steps=settings.steps)
+    parameters = with_overrides(scene_parameters(scene, target), overrides or {})
+    scene = put_all(scene, parameters, jnp.asarray([p.default for p in parameters]))
+    free = [p for p in parameters if p.free]
+    problem, _ = pose(
+        target,
+        scene,
+        free,
+        rays=settings.rays,
+        seed=settings.seed,
+        resolution=settings.resolution,
+    )
+    clock.lap("prepare")
+    solver = Solver(problem, max_steps=settings.max_steps, on_step=on_step)
+    clock.lap("compile")
+    starts = draw_starts(free, settings.starts, settings.seed)
+    best = min((solver(problem, z) for z in starts), key=_merit)
+    clock.lap("solve")
+    estimates, undetermined = estimate(
+        problem, target, starts[0], jnp.asarray(best.z), seed=settings.seed
+    )
+    clock.lap("uncertainty")
+    fitted = put_all(scene, free, values_of(free, jnp.asarray(best.z)))
+    start = simulate_image(scene, target, settings.resolution)
+    image = simulate_image(fitted, target, settings.resolution)
+    clock.lap("render")
+    return FitResult(
+        target=target,
+        settings=settings,
+        converged=best.converged,
+        status=best.message,
+        scene=fitted,
+        estimates=estimates,
+        held=[p for p in parameters if not p.free],
+        undetermined=undetermined,
+        start=start,
+        image=image,
+        distances_start=_distances(target, start),
+        distances_fit=_distances(target, image),
+        history=best.history,
+        seconds=clock.seconds,
+    )
+
+
+def draw_starts(parameters: Sequence[Parameter], count: int, seed: int):
+    """The defaults first, then draws from the priors."""
+    first = unbounded_of(parameters)
+    rng = np.random.default_rng(seed)
+    others = rng.standard_normal((count - 1, len(parameters)))
+    return [first, *(jnp.asarray(z, first.dtype) for z in others)]
+
+
+def simulate_image(
+    scene: Scene, target: Target, resolution: int = 128
+) -> SimulatedImage:
+    """Render all pixels of a target that see the Earth."""
+    every = target.grid.rays()
+    _, hit = every.ground(target.grid.ellipsoid)
+    view, background = look(scene, target, every[hit])
+    textures = make_textures(scene, target, resolution)
+    seen: BandRadiances = render(scene, view, textures, background)
+    weights = eqx.filter_jit(target.rule.weights)(
+        seen, scene.reflective, scene.emissive
+    )
+    values = np.asarray(stacked(seen))
+    radiance = np.full((len(values), hit.size), np.nan, values.dtype)
+    radiance[:, hit] = values
+    cloud = np.zeros(hit.size, values.dtype)
+    cloud[hit] = np.asarray(weights)
+    bands = [b.number for b in [*target.reflective, *target.emissive]]
+    shape = target.grid.shape
+    return SimulatedImage(
+        tuple(bands), radiance.reshape(-1, *shape), cloud.reshape(shape)
+    )
+
+
+def versions() -> dict[str, str]:
+    """Of what the numbers of a fit depend on."""
+    names = ("cloudjax", "jax", "jaxlib", "equinox", "optimistix", "numpy")
+    return {name: importlib.metadata.version(name) for name in names}
+
+
+def _merit(solution: Solution) -> tuple[bool, float]:
+    return not solution.converged, solution.loss
+
+
+def _distances(target: Target, image: SimulatedImage) -> dict[int, Distances]:
+    weights = image.cloud.reshape(-1)
+    return {
+        number: distances(band.quantiles, image.band(number).reshape(-1), weights)
+        for number, band in target.bands.items()
+    }
+
+
+class _Clock:
+    """Wall time by phase."""
+
+    def __init__(self):
+        self._phases: dict[str, float] = {}
+        self._started = self._last = time.perf_counter()
+
+    def lap(self, phase: str) -> None:
+        now = time.perf_counter()
+        self._phases[phase] = now - self._last
+        self._last = now
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        return {**self._phases, "total": self._last - self._started}

@@ -1,0 +1,98 @@
+"""Levenberg-Marquardt on a problem, compiled once and run from any start."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from .objective import Problem, residuals
+
+
+# Of a prior's standard deviation, and of a residual: below these a step is no news.
+TOLERANCE = 3e-3
+OnStep = Callable[[int, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where a solver stopped.
+
+    **Fields:**
+
+    - `z`: the parameters on the solver's scale.
+    - `converged`, `message`: whether it stopped at a minimum, and what it says.
+    - `history`: half the sum of squared residuals after each step.
+    - `seconds`: of wall time.
+    """
+
+    z: Float[np.ndarray, " parameters"]
+    converged: bool
+    message: str
+    history: tuple[float, ...]
+    seconds: float
+
+    @property
+    def loss(self) -> float:
+        return self.history[-1]
+
+
+class Solver:
+    """A compiled Levenberg-Marquardt solver for problems of one structure.
+
+    **Arguments:** `on_step` is called on the host with the number of each step and its
+    loss.
+    """
+
+    def __init__(
+        self, problem: Problem, *, max_steps: int = 100, on_step: OnStep | None = None
+    ):
+        self._losses: list[float] = []
+        self._on_step = on_step
+        started = time.perf_counter()
+        z = jax.numpy.zeros(len(problem.parameters))
+        self._solve = (
+            eqx.filter_jit(self._least_squares).lower(z, problem, max_steps).compile()
+        )
+        self._max_steps = max_steps
+        self.compile_seconds = time.perf_counter() - started
+
+    def __call__(self, problem: Problem, z: Float[Array, " parameters"]) -> Solution:
+        started = time.perf_counter()
+        self._losses.clear()
+        solution = self._solve(z, problem, self._max_steps)
+        z = np.asarray(solution.value)
+        jax.effects_barrier()
+        loss = float(0.5 * (residuals(solution.value, problem) ** 2).sum())
+        converged = bool(solution.result == optx.RESULTS.successful)
+        message = (
+            f"converged in {len(self._losses)} steps"
+            if converged
+            else optx.RESULTS[solution.result]
+        )
+        if not np.isfinite(loss):
+            converged, message = False, "the residuals are not finite"
+        return Solution(
+            z, converged, message, (*self._losses, loss), time.perf_counter() - started
+        )
+
+    def _least_squares(self, z, problem, max_steps):
+        solver = optx.LevenbergMarquardt(TOLERANCE, TOLERANCE, verbose=self._verbose)
+        return optx.least_squares(
+            residuals, solver, z, args=problem, max_steps=max_steps, throw=False
+        )
+
+    def _verbose(self, **facts):
+        jax.debug.callback(
+            self._record, facts["num_steps"][1], facts["loss_this_step"][1],
+            ordered=True,
+        )  # fmt: skip
+
+    def _record(self, step, loss):
+        self._losses.append(float(loss))
+        if self._on_step is not None:
+            self._on_step(int(step), float(loss))
