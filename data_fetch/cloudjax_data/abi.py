@@ -175,6 +175,9 @@ def _fixed_grid(file: netCDF4.Dataset) -> FixedGrid:
 def _scan_angles(file: netCDF4.Dataset, name: str) -> np.ndarray:
     packed = variable(file, name)
     stored, _ = counts(packed)
+    if stored.dtype.kind == "f":
+        # a copy rewritten by xarray holds the decoded angles, in float32
+        return np.round(stored.astype(np.float64), 6)
     scale, offset = scale_and_offset(packed)
     # Scale and offset are float32 roundings of multiples of a microradian: undo that,
     # or the far end of a full disk is off by a tenth of a pixel.

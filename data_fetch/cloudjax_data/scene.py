@@ -89,7 +89,7 @@ class AbiScene:
                 f"The scene from {self._any.path.parent} was read without bands "
                 f"{absent}: it has {sorted(self.bands)}, read the others too."
             )
-        chosen = {number: self.bands[number] for number in wanted}
+        chosen = AbiScene({number: self.bands[number] for number in wanted}).bands
         coarsest = max(chosen.values(), key=lambda band: band.grid.step_rad).grid
         return AbiScene({n: _averaged(b, coarsest) for n, b in chosen.items()})
 

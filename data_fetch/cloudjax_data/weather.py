@@ -1,6 +1,6 @@
 """A weather analysis on pressure levels, as one kind of object whatever the file."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from os import PathLike
@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from .errors import DataError
-from .grib import read_grib_variable, require_grib
+from .grib import read_grib
 from .lambert import LambertConic
 from .weather_grid import on_plain_axes, oriented
 
@@ -27,6 +27,7 @@ REQUIRED = {
 OPTIONAL = {"clwmr": "kg kg**-1"}
 
 _LEVEL = "isobaricInhPa"
+_GROUND = ("surface", "orog")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +72,9 @@ class WeatherCube:
     def at_altitude(self, altitude_m: float) -> xr.Dataset:
         """The variables (but `gh` and `orog`) at a height above sea level.
 
-        The height is in geopotential metres. Linear in geopotential height between the two levels that enclose it, column by
-        column. NaN below the ground (or the lowest level) and above the highest level.
-        (Geometric height is greater than geopotential by 0.16 % at 10 km.)
+        The height is in geopotential metres (geometric height is greater by 0.16 % at
+        10 km). Linear between the two levels that enclose it, column by column; NaN
+        below the ground or the lowest level, and above the highest level.
         """
         lower, weight = _bracket(self.data["gh"].to_numpy(), altitude_m)
         if "orog" in self.data:
@@ -104,19 +105,24 @@ def read_weather(path: str | PathLike[str]) -> WeatherCube:
     levels, or has one in other units.
     """
     path = Path(path)
-    require_grib(path)
-    fields = {name: _field(path, name, units) for name, units in REQUIRED.items()}
-    for name, units in OPTIONAL.items():
-        found = read_grib_variable(path, _LEVEL, name)
-        if found is not None:
-            fields[name] = _checked(path, name, units, found)
-    ground = read_grib_variable(path, "surface", "orog")
+    units = REQUIRED | OPTIONAL
+    names = [(_LEVEL, name) for name in (*units, "wz")]
+    found = read_grib(path, [*names, _GROUND])
+    _require_all(path, {name for _, name in found})
+    fields = {
+        name: _checked(path, name, units[name], found[_LEVEL, name])
+        for name in units
+        if (_LEVEL, name) in found
+    }
     data, lost = _aligned(path, fields)
-    if ground is not None:
-        data["orog"] = _plain(ground)
+    if _GROUND in found:
+        data = _merged(path, [data, _plain(found[_GROUND]).rename("orog")])
     data, projection = oriented(path, data, fields["u"].attrs)
     data.attrs["source"] = path.name
-    return WeatherCube(data, _valid_time(fields["u"]), path, lost, projection)
+    times = {_valid_time(values) for values in fields.values()}
+    if len(times) > 1:
+        raise DataError(f"{path} holds several times: keep the messages of one.")
+    return WeatherCube(data, times.pop(), path, lost, projection)
 
 
 def check_time(
@@ -133,19 +139,18 @@ def check_time(
         )
 
 
-def _field(path: Path, name: str, units: str) -> xr.DataArray:
-    found = read_grib_variable(path, _LEVEL, name)
-    if found is not None:
-        return _checked(path, name, units, found)
-    if name == "w" and read_grib_variable(path, _LEVEL, "wz") is not None:
+def _require_all(path: Path, found: set[str]) -> None:
+    missing = [name for name in REQUIRED if name not in found]
+    if missing == ["w"] and "wz" in found:
         raise DataError(
             f"{path} has the vertical velocity in m/s ('wz') and not in Pa/s ('w'): "
             "get the pressure vertical velocity (VVEL) too."
         )
-    raise DataError(
-        f"{path} has no {name!r} on pressure levels: get a file with "
-        f"{', '.join(REQUIRED)}."
-    )
+    if missing:
+        raise DataError(
+            f"{path} has no {', '.join(map(repr, missing))} on pressure levels: get a "
+            f"file with {', '.join(REQUIRED)}."
+        )
 
 
 def _checked(path: Path, name: str, units: str, found: xr.DataArray) -> xr.DataArray:
@@ -175,18 +180,27 @@ def _aligned(
         )
     levels = np.array(sorted(common, reverse=True))
     # an optional variable is NaN on a level of its own gap
-    data = xr.Dataset(
-        {
-            name: _plain(values).reindex({_LEVEL: levels})
-            for name, values in fields.items()
-        }
-    ).rename({_LEVEL: "level"})
+    plain = (
+        _plain(values).reindex({_LEVEL: levels}).rename(name)
+        for name, values in fields.items()
+    )
+    data = _merged(path, plain).rename({_LEVEL: "level"})
     data["level"].attrs = {"units": "hPa", "positive": "down", "axis": "Z"}
     lost = {
         name: tuple(float(level) for level in sorted(held[name] - common, reverse=True))
         for name in fields
     }
     return data, lost
+
+
+def _merged(path: Path, parts: Iterable[xr.DataArray | xr.Dataset]) -> xr.Dataset:
+    try:
+        # exact, because xarray would else fill the gaps between two grids with NaN
+        return xr.merge(parts, join="exact", compat="override")
+    except ValueError as error:
+        raise DataError(
+            f"{path} has variables on different grids: keep the messages of one."
+        ) from error
 
 
 def _plain(values: xr.DataArray) -> xr.DataArray:

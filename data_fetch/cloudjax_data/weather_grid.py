@@ -106,6 +106,10 @@ def _from_zero(longitude: np.ndarray) -> np.ndarray:
 
 
 def _on_ascending_axes(path: Path, data: xr.Dataset) -> xr.Dataset:
+    if min(data.sizes.get(axis, 1) for axis in ("latitude", "longitude")) < 2:
+        raise DataError(
+            f"{path} has a single latitude or longitude: get a wider region."
+        )
     data = data.sortby("latitude")
     longitude = data["longitude"].to_numpy()
     east_of_first = (longitude - longitude[0]) % 360
