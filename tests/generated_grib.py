@@ -1,0 +1,106 @@
+"""Writers of small GRIB files, by eccodes."""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def write_grib(
+    path: Path,
+    fields: Mapping[tuple[str, int], np.ndarray],
+    *,
+    latitude_deg: Sequence[float] | np.ndarray,
+    longitude_deg: Sequence[float] | np.ndarray,
+    time: datetime = datetime(2019, 10, 27, 18, tzinfo=UTC),
+    edition: int = 2,
+    extra: Mapping[str, Any] | None = None,
+) -> Path:
+    """Write messages on a regular grid and return the path.
+
+    **Arguments:**
+
+    - `fields`: by GRIB short name and level in hPa (0 for the surface), `[latitude,
+        longitude]` in the order of the axes; NaN is masked by a bitmap.
+    - `latitude_deg`: descending, as in GFS files; `longitude_deg`: ascending eastward.
+    - `extra`: further keys of eccodes, set last in every message.
+    """
+    keys = {
+        "Ni": len(longitude_deg),
+        "Nj": len(latitude_deg),
+        "latitudeOfFirstGridPointInDegrees": latitude_deg[0],
+        "latitudeOfLastGridPointInDegrees": latitude_deg[-1],
+        "longitudeOfFirstGridPointInDegrees": longitude_deg[0],
+        "longitudeOfLastGridPointInDegrees": longitude_deg[-1],
+        "iDirectionIncrementInDegrees": (longitude_deg[1] - longitude_deg[0]) % 360,
+        "jDirectionIncrementInDegrees": latitude_deg[0] - latitude_deg[1],
+        **(extra or {}),
+    }
+    sample = f"regular_ll_pl_grib{edition}"
+    return _write_messages(path, fields, sample, keys, time)
+
+
+def write_lambert_grib(
+    path: Path,
+    fields: Mapping[tuple[str, int], np.ndarray],
+    *,
+    time: datetime = datetime(2019, 10, 27, 18, tzinfo=UTC),
+    wind_relative_to_grid: bool = True,
+    standard_latitudes_deg: tuple[float, float] = (25.0, 60.0),
+) -> Path:
+    """Write messages on a Lambert map of North America, rows from the south."""
+    rows, columns = next(iter(fields.values())).shape
+    keys = {
+        "gridType": "lambert",
+        "shapeOfTheEarth": 6,
+        "Nx": columns,
+        "Ny": rows,
+        "latitudeOfFirstGridPointInDegrees": 20.0,
+        "longitudeOfFirstGridPointInDegrees": 230.0,
+        "LaDInDegrees": standard_latitudes_deg[0],
+        "LoVInDegrees": 265.0,
+        "DxInMetres": 200000,
+        "DyInMetres": 200000,
+        "Latin1InDegrees": standard_latitudes_deg[0],
+        "Latin2InDegrees": standard_latitudes_deg[1],
+        "iScansNegatively": 0,
+        "jScansPositively": 1,
+        "uvRelativeToGrid": int(wind_relative_to_grid),
+    }
+    return _write_messages(path, fields, "regular_ll_pl_grib2", keys, time)
+
+
+def _write_messages(
+    path: Path,
+    fields: Mapping[tuple[str, int], np.ndarray],
+    sample: str,
+    keys: Mapping[str, Any],
+    time: datetime,
+) -> Path:
+    # Not at the top: eccodes loads a PROJ of its own, which crashes a pyproj that is
+    # imported after it.
+    import eccodes
+
+    with path.open("wb") as stream:
+        for (name, level), values in fields.items():
+            message = eccodes.codes_grib_new_from_samples(sample)
+            settings = {
+                **keys,
+                "dataDate": int(f"{time:%Y%m%d}"),
+                "dataTime": int(f"{time:%H%M}"),
+                "typeOfLevel": "isobaricInhPa" if level else "surface",
+                "level": level,
+                "shortName": name,
+                "bitsPerValue": 24,
+                "bitmapPresent": int(np.isnan(values).any()),
+                "missingValue": 1e20,
+            }
+            for key, value in settings.items():
+                eccodes.codes_set(message, key, value)
+            filled = np.nan_to_num(values.astype(np.float64), nan=1e20)
+            eccodes.codes_set_values(message, filled.ravel())
+            eccodes.codes_write(message, stream)
+            eccodes.codes_release(message)
+    return path

@@ -1,0 +1,124 @@
+"""What a folder holds, and the sentence for each folder that will not do."""
+
+from datetime import timedelta
+
+import numpy as np
+import pytest
+
+from cloudjax_data import DataError, open_folder
+from tests.generated import SCAN_START, write_abi_cmi, write_abi_l1b
+
+
+COARSE = np.full((3, 4), 60.0)
+FINE = np.full((6, 8), 60.0)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_abi_l1b(tmp_path, band=3, radiance=FINE)
+    write_abi_l1b(tmp_path, band=13, radiance=COARSE)
+    return tmp_path
+
+
+def test_contents(folder):
+    stamp = "s20193002000275_e20193002000332_c20193002004000"
+    product = folder / f"OR_ABI-L2-ACHAM1-M6_G17_{stamp}.nc"
+    product.write_bytes(b"only listed")
+    (folder / "gfs.t18z.pgrb2.0p25.f000").write_bytes(b"GRIB and so on")
+    (folder / "scene.toml").write_text("[sun]\nmodel = 'none'\n")
+    (folder / "notes.txt").write_text("fog")
+    found = open_folder(folder)
+    assert list(found.bands) == [3, 13]
+    assert found.products == {"ACHA": product}
+    assert [path.name for path in found.weather] == ["gfs.t18z.pgrb2.0p25.f000"]
+    assert found.settings == {"sun": {"model": "none"}}
+    assert [path.name for path in found.ignored] == ["notes.txt"]
+    assert (found.platform, found.sector) == ("G17", "M1")
+    assert found.start == SCAN_START
+
+
+def test_reading(folder):
+    assert list(open_folder(folder).read().bands) == [3, 13]
+    assert list(open_folder(folder).read([13]).bands) == [13]
+
+
+def test_conditionally_usable_pixels_can_be_kept(folder):
+    dqf = np.ones(COARSE.shape, int)
+    write_abi_l1b(folder, band=14, radiance=COARSE, dqf=dqf)
+    found = open_folder(folder)
+    assert not found.read([14]).bands[14].good.any()
+    lenient = found.read([14], keep_conditionally_usable=True)
+    assert lenient.bands[14].good.all()
+
+
+def test_renamed_files_are_recognised_by_their_header(tmp_path):
+    write_abi_l1b(tmp_path, band=13, radiance=COARSE, name="infrared.nc")
+    assert list(open_folder(tmp_path).bands) == [13]
+
+
+def test_l1b_is_preferred_to_cmi(folder):
+    write_abi_cmi(folder, radiance={13: COARSE})
+    write_abi_cmi(folder, radiance={7: COARSE / 100, 13: COARSE}, multi_band=True)
+    found = open_folder(folder)
+    assert "L1b" in found.bands[13].name
+    assert "MCMIP" in found.bands[7].name
+    assert list(found.read([7, 13]).bands) == [7, 13]
+
+
+def test_missing_bands_are_named(folder):
+    with pytest.raises(DataError, match=r"does not hold band 1, 7 .*holds: 3, 13\)"):
+        open_folder(folder).read([1, 7, 13])
+
+
+def test_several_scans_are_listed(folder):
+    later = SCAN_START + timedelta(minutes=1)
+    write_abi_l1b(folder, band=14, radiance=COARSE, start=later)
+    with pytest.raises(DataError, match=r"20:00:27; G17 M1 2019-10-27 20:01:27"):
+        open_folder(folder)
+
+
+@pytest.mark.parametrize("other", [{"platform": "G16"}, {"sector": "M2"}])
+def test_satellites_and_sectors_are_not_mixed(folder, other):
+    write_abi_l1b(folder, band=14, radiance=COARSE, **other)
+    with pytest.raises(DataError, match="several scans"):
+        open_folder(folder)
+
+
+def test_bands_that_start_apart_by_tenths_are_one_scan(folder):
+    start = SCAN_START + timedelta(seconds=0.4)
+    write_abi_l1b(folder, band=14, radiance=COARSE, start=start)
+    assert list(open_folder(folder).read().bands) == [3, 13, 14]
+
+
+def test_a_file_that_lies_about_its_band_is_refused(folder):
+    name = open_folder(folder).bands[13].name
+    write_abi_l1b(folder, band=14, radiance=COARSE, name=name)
+    with pytest.raises(DataError, match="holds band 14 and not 13"):
+        open_folder(folder).read([13])
+
+
+def test_paths_that_are_no_scene(tmp_path):
+    with pytest.raises(DataError, match="does not exist"):
+        open_folder(tmp_path / "nowhere")
+    with pytest.raises(DataError, match="holds no ABI file"):
+        open_folder(tmp_path)
+    file = tmp_path / "notes.txt"
+    file.write_text("fog")
+    with pytest.raises(DataError, match="is a file"):
+        open_folder(file)
+    with pytest.raises(DataError, match="holds no ABI file"):
+        open_folder(tmp_path)
+
+
+def test_toml_errors_are_named(folder):
+    (folder / "scene.toml").write_text("bands = [1, ")
+    with pytest.raises(DataError, match=r"scene\.toml is not valid TOML"):
+        open_folder(folder)
+
+
+def test_weather_alone_has_no_bands(tmp_path):
+    (tmp_path / "gfs").write_bytes(b"GRIB")
+    found = open_folder(tmp_path)
+    assert found.start is None
+    with pytest.raises(DataError, match="does not hold any band"):
+        found.read()
