@@ -30,13 +30,6 @@ def by_satpy(folder, calibration):
     return {int(name[1:]): scene[name] for name in names}
 
 
-# Third parties on their own use of each other, nothing that we call.
-quiet = pytest.mark.filterwarnings(
-    "ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning"
-)
-
-
-@quiet
 @pytest.mark.parametrize("name", [DAY, NIGHT])
 def test_radiances_and_positions_are_those_of_satpy(shared_data, name):
     folder = shared_data / name
@@ -57,7 +50,6 @@ def test_radiances_and_positions_are_those_of_satpy(shared_data, name):
         np.testing.assert_allclose(band.grid.y_rad, y / height, rtol=0, atol=5e-9)
 
 
-@quiet
 def test_positions_on_the_globe_are_those_of_satpy(shared_data):
     import pyproj
 
@@ -73,7 +65,6 @@ def test_positions_on_the_globe_are_those_of_satpy(shared_data):
     np.testing.assert_allclose(ours[1], latitude, rtol=0, atol=1e-6)
 
 
-@quiet
 def test_brightness_temperatures_are_those_of_satpy(shared_data):
     folder = shared_data / NIGHT
     paths = open_folder(folder).bands
