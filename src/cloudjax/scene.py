@@ -231,7 +231,9 @@ def render(
         ways, vertical, behind = inputs
         part = View(ways, view.sun_direction, vertical)
         behind = jax.tree.map(jnp.transpose, behind)
-        samples = sample(scene, part, textures)
+        # Without the barrier XLA fuses the reads of textures into all that uses them
+        # and repeats them.
+        samples = jax.lax.optimization_barrier(sample(scene, part, textures))
         return radiances(scene, part, samples, behind)
 
     by_ray = (view.ways, view.vertical, jax.tree.map(jnp.transpose, background))

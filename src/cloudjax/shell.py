@@ -52,11 +52,14 @@ def chords(rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80) -> Chords:
     floor_near, floor_far, hits_floor = intersect(
         rays.origin_m, rays.direction, ellipsoid.raised(shell.bottom_m)
     )
-    ground, _, hits_ground = intersect(rays.origin_m, rays.direction, ellipsoid)
+    ground_near, ground_far, hits_ground = intersect(
+        rays.origin_m, rays.direction, ellipsoid
+    )
     below = hits_floor & (floor_near <= 0) & (floor_far > 0)
     start = np.where(below, floor_far, np.maximum(near, 0))
     end = np.where(hits_floor & (floor_near > 0), floor_near, far)
-    # From below the shell, the ground hides what lies behind it.
-    hidden = below & hits_ground & (ground > 0)
+    # From below the shell, the ground hides what lies behind it. The middle of its
+    # chord tells ahead from behind even where the sensor stands on it.
+    hidden = below & hits_ground & (ground_near + ground_far > 0)
     length = np.where(hits & ~hidden, np.maximum(end - start, 0), 0)
     return Chords(start, length)

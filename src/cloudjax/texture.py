@@ -29,8 +29,8 @@ class Texture(eqx.Module):
 
     def sample(self, u: Float[Array, "*points 3"]) -> Float[Array, " *points"]:
         """Trilinear interpolation at positions `u` in periods, periodic."""
-        corners, (x, y, z) = self._corners(u)
-        along_x = [[_lerp(corners[:, j, k], x) for k in (0, 1)] for j in (0, 1)]
+        corners, (x, y, z) = self._corners(u, shared=False)
+        along_x = [[_lerp((corners[0, j, k], corners[1, j, k]), x) for k in (0, 1)] for j in (0, 1)]
         along_xy = [_lerp((along_x[0][k], along_x[1][k]), y) for k in (0, 1)]
         return _lerp(along_xy, z)
 
@@ -38,10 +38,10 @@ class Texture(eqx.Module):
         self, u: Float[Array, "*points 3"]
     ) -> tuple[Float[Array, " *points"], Float[Array, "*points 3"]]:
         """The value and its gradient per period, from the same eight voxels."""
-        corners, (x, y, z) = self._corners(u)
-        along_x = [[_lerp(corners[:, j, k], x) for k in (0, 1)] for j in (0, 1)]
+        corners, (x, y, z) = self._corners(u, shared=True)
+        along_x = [[_lerp((corners[0, j, k], corners[1, j, k]), x) for k in (0, 1)] for j in (0, 1)]
         along_xy = [_lerp((along_x[0][k], along_x[1][k]), y) for k in (0, 1)]
-        rise_x = [[_rise(corners[:, j, k]) for j in (0, 1)] for k in (0, 1)]
+        rise_x = [[_rise((corners[0, j, k], corners[1, j, k])) for j in (0, 1)] for k in (0, 1)]
         rise_y = [along_x[1][k] - along_x[0][k] for k in (0, 1)]
         gradient = [
             _lerp([_lerp(rise_x[k], y) for k in (0, 1)], z),
@@ -51,7 +51,7 @@ class Texture(eqx.Module):
         n = self.voxels.shape[0]
         return _lerp(along_xy, z), n * jnp.stack(gradient, axis=-1)
 
-    def _corners(self, u):
+    def _corners(self, u, *, shared: bool):
         """The eight voxels around each point, and where it lies between them."""
         n = self.voxels.shape[0]
         scaled = u * n
@@ -64,9 +64,14 @@ class Texture(eqx.Module):
             (low[..., axis] * stride, high[..., axis] * stride)
             for axis, stride in enumerate((n * n, n, 1))
         )
-        corners = np.empty((2, 2, 2), dtype=object)
-        for i, j, k in np.ndindex(2, 2, 2):
-            corners[i, j, k] = flat.at[x[i] + y[j] + z[k]].get(mode="clip")
+        read = [
+            flat.at[x[i] + y[j] + z[k]].get(mode="clip")
+            for i, j, k in np.ndindex(2, 2, 2)
+        ]
+        if shared:
+            # Else XLA fuses the reads anew into each of the four results.
+            read = jax.lax.optimization_barrier(read)
+        corners = dict(zip(np.ndindex(2, 2, 2), read, strict=True))
         return corners, jnp.moveaxis(scaled - floor, -1, 0)
 
 
@@ -146,7 +151,9 @@ def make_texture(
             f"{fractal} has {fractal.finest_cells} cells per period and "
             f"{resolution} voxels cannot resolve them: use at least two per cell."
         )
-    return _averaged(_standardised(fractal, seed, resolution), float(footprint))
+    return _averaged(
+        _standardised(fractal, seed, resolution), jnp.asarray(footprint, float)
+    )
 
 
 @ft.lru_cache(maxsize=16)
@@ -157,7 +164,7 @@ def _standardised(fractal: Fractal, seed: int, resolution: int):
 
 
 @jax.jit
-def _averaged(raw: Float[Array, "n n n"], footprint: float) -> Texture:
+def _averaged(raw: Float[Array, "n n n"], footprint: Float[Array, ""]) -> Texture:
     n = raw.shape[0]
     k = [jnp.fft.fftfreq(n), jnp.fft.fftfreq(n), jnp.fft.rfftfreq(n)]
     k2 = sum(axis**2 for axis in jnp.meshgrid(*k, indexing="ij", sparse=True))
@@ -173,11 +180,13 @@ def _interpolated_variance(voxels: Float[Array, "n n n"]) -> Float[Array, ""]:
     """Variance of the trilinear interpolant over all space, not only at the nodes.
 
     Along one axis the mean of ((1-t) a + t b)² over t is (2 R₀ + R₁) / 3 with the
-    autocorrelations R; a filter with those weights gives the product over the axes.
+    autocorrelations R; a filter with those weights gives the product over the axes. It
+    is symmetric, for one texture has not the same R along both diagonals.
     """
     smoothed = voxels
     for axis in range(3):
-        smoothed = (2 * smoothed + jnp.roll(smoothed, 1, axis)) / 3
+        sides = jnp.roll(smoothed, 1, axis) + jnp.roll(smoothed, -1, axis)
+        smoothed = (4 * smoothed + sides) / 6
     return (voxels * smoothed).mean() - voxels.mean() ** 2
 
 

@@ -151,8 +151,11 @@ class LatLonGrid(eqx.Module):
         longitude_deg: Float[AnyArray, "*points"],
     ) -> list[tuple[Int[AnyArray, "*points"], Float[AnyArray, "*points"]]]:
         """Flat node index and bilinear weight of the four nodes round each point."""
+        # A regional grid may lie across the date line: count from its own middle.
+        middle = self.longitude.first + self.longitude.step * self.longitude.size / 2
+        near = (longitude_deg - middle + 180) % 360 - 180 + middle
         south, north, up = self.latitude.cell(latitude_deg)
-        west, east, right = self.longitude.cell(longitude_deg)
+        west, east, right = self.longitude.cell(near)
         rows = ((south, 1 - up), (north, up))
         columns = ((west, 1 - right), (east, right))
         return [
