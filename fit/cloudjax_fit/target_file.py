@@ -1,0 +1,183 @@
+"""Targets as small netCDF files: one group per band, figures derived only."""
+
+import dataclasses
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from cloudjax import Ellipsoid, FixedGrid
+from cloudjax_data import DataError
+
+from .histogram import Quantiles
+from .netcdf import write_netcdf
+from .selection import CloudRule
+from .staging import staged
+from .target import BandTarget, Target
+
+
+_KIND = "cloudjax fit target"
+
+
+def write_target(path: str | os.PathLike[str], target: Target) -> None:
+    """Write a target to one file, whole or not at all.
+
+    Quantiles, fractions and backgrounds are rounded to float32; geometry, time,
+    coefficients and counts are kept as they are.
+    """
+    path = Path(path)
+    groups = {"/": _root(target)} | {
+        f"/{band.name}": _band_dataset(band) for band in target.bands.values()
+    }
+    with staged(path.parent) as folder:
+        write_netcdf(folder / path.name, xr.DataTree.from_dict(groups))
+
+
+def read_target(path: str | os.PathLike[str]) -> Target:
+    """Read what `write_target` wrote.
+
+    **Raises:** `DataError` if the file cannot be read or holds no target.
+    """
+    path = Path(path)
+    try:
+        with xr.open_datatree(path, engine="netcdf4") as tree:
+            if tree.attrs.get("kind") != _KIND:
+                raise DataError(f"{path} holds no target of a fit: give another file.")
+            return _target(tree.load())
+    except (OSError, RuntimeError) as error:
+        raise DataError(f"{path} cannot be read as netCDF: write it again.") from error
+
+
+def _root(target: Target) -> xr.Dataset:
+    grid = target.grid
+    cells = ("latitude", "longitude")
+    fractions = np.stack(list(target.fractions.values())).astype(np.float32)
+    rule = dataclasses.asdict(target.rule)
+    rule = {key: value for key, value in rule.items() if value is not None}
+    return xr.Dataset(
+        {
+            "fraction": (("cloud_class", *cells), fractions),
+            "block_cloud": ("block", _counts(target.block_cloud)),
+            "block_valid": ("block", _counts(target.block_valid)),
+        },
+        coords={
+            "cloud_class": list(target.fractions),
+            "latitude": ("latitude", target.latitude_deg, {"units": "degrees_north"}),
+            "longitude": ("longitude", target.longitude_deg, {"units": "degrees_east"}),
+            "x": ("x", grid.x_rad, {"units": "rad"}),
+            "y": ("y", grid.y_rad, {"units": "rad"}),
+        },
+        attrs={
+            "kind": _KIND,
+            "name": target.name,
+            "platform": target.platform,
+            "time": target.time.astimezone(UTC).isoformat(),
+            "blocks": np.array(target.blocks, np.int32),
+            "subsatellite_longitude_deg": grid.subsatellite_longitude_deg,
+            "perspective_height_m": grid.perspective_height_m,
+            "semi_major_m": grid.ellipsoid.semi_major_m,
+            "semi_minor_m": grid.ellipsoid.semi_minor_m,
+            "sweep": grid.sweep,
+        }
+        | {f"rule_{key}": value for key, value in rule.items()},
+    )
+
+
+def _band_dataset(band: BandTarget) -> xr.Dataset:
+    table = band.quantiles
+    return xr.Dataset(
+        {
+            "quantile": ("probability", table.values.astype(np.float32)),
+            "block_counts": (("block", "bin"), _counts(band.block_counts)),
+            "background": (
+                ("latitude", "longitude"),
+                band.background.astype(np.float32),
+            ),
+        },
+        coords={"probability": table.probabilities},
+        attrs={
+            "band": band.number,
+            "wavelength_um": band.wavelength_um,
+            "units": band.units,
+            "n_pixels": table.count,
+            "low": band.low,
+            "high": band.high,
+        }
+        | {f"coefficient_{key}": value for key, value in band.coefficients.items()},
+    )
+
+
+def _target(tree: xr.DataTree) -> Target:
+    a, root = tree.attrs, tree.dataset
+    return Target(
+        name=str(a["name"]),
+        platform=str(a["platform"]),
+        time=datetime.fromisoformat(a["time"]),
+        grid=FixedGrid(
+            x_rad=root["x"].to_numpy(),
+            y_rad=root["y"].to_numpy(),
+            subsatellite_longitude_deg=float(a["subsatellite_longitude_deg"]),
+            perspective_height_m=float(a["perspective_height_m"]),
+            ellipsoid=Ellipsoid(float(a["semi_major_m"]), float(a["semi_minor_m"])),
+            sweep=a["sweep"],
+        ),
+        rule=_rule(_prefixed(a, "rule_")),
+        bands={
+            int(group.attrs["band"]): _band(group.dataset)
+            for group in tree.children.values()
+        },
+        latitude_deg=root["latitude"].to_numpy(),
+        longitude_deg=root["longitude"].to_numpy(),
+        fractions={
+            str(name): root["fraction"].sel(cloud_class=name).to_numpy().astype(float)
+            for name in root["cloud_class"].to_numpy()
+        },
+        blocks=(int(a["blocks"][0]), int(a["blocks"][1])),
+        block_cloud=root["block_cloud"].to_numpy().astype(np.int64),
+        block_valid=root["block_valid"].to_numpy().astype(np.int64),
+    )
+
+
+def _band(data: xr.Dataset) -> BandTarget:
+    a = data.attrs
+    return BandTarget(
+        number=int(a["band"]),
+        wavelength_um=float(a["wavelength_um"]),
+        units=str(a["units"]),
+        coefficients={k: float(v) for k, v in _prefixed(a, "coefficient_").items()},
+        quantiles=Quantiles(
+            data["probability"].to_numpy(),
+            data["quantile"].to_numpy().astype(float),
+            int(a["n_pixels"]),
+        ),
+        low=float(a["low"]),
+        high=float(a["high"]),
+        block_counts=data["block_counts"].to_numpy().astype(np.int64),
+        background=data["background"].to_numpy().astype(float),
+    )
+
+
+def _rule(kept: dict) -> CloudRule:
+    def band(name):
+        return int(kept[name]) if name in kept else None
+
+    return CloudRule(
+        bright_band=band("bright_band"),
+        bright_reflectance=float(kept["bright_reflectance"]),
+        cold_band=band("cold_band"),
+        cold_temperature_k=float(kept["cold_temperature_k"]),
+    )
+
+
+def _prefixed(attributes, prefix: str) -> dict:
+    return {
+        key.removeprefix(prefix): value
+        for key, value in attributes.items()
+        if key.startswith(prefix)
+    }
+
+
+def _counts(counts: np.ndarray) -> np.ndarray:
+    return counts.astype(np.int32)
