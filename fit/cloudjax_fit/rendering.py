@@ -1,0 +1,52 @@
+"""The image of a scene at given parameters."""
+
+import os
+
+import jax.numpy as jnp
+
+from cloudjax_data import DataError
+
+from .fit import SimulatedImage, simulate_image
+from .parameter_file import read_parameters
+from .parameters import Parameter, put_all
+from .prepare import Run
+from .settings import concerning, scene_of
+
+
+def render_run(
+    run: Run, parameter_file: str | os.PathLike[str] | None = None
+) -> tuple[SimulatedImage, dict[str, float]]:
+    """Simulate all pixels of a run.
+
+    **Arguments:**
+
+    - `parameter_file`: values to use; those that it lacks are the settings' defaults.
+
+    **Returns:** the image and all parameters that it was made with.
+
+    **Raises:** `DataError` if the file cannot be read, or names a parameter that no
+    scene has, or gives one a value beyond its bounds.
+    """
+    scene, parameters = scene_of(run.settings, run.target)
+    values = {p.name: p.default for p in parameters}
+    if parameter_file is not None:
+        given = read_parameters(parameter_file)
+        values |= concerning(given, run.target, str(parameter_file))
+        _require_within_bounds(values, parameters, str(parameter_file))
+    scene = put_all(
+        scene, parameters, jnp.asarray([values[p.name] for p in parameters])
+    )
+    image = simulate_image(scene, run.target, run.settings.fit.resolution)
+    return image, values
+
+
+def _require_within_bounds(
+    values: dict[str, float], parameters: list[Parameter], source: str
+) -> None:
+    for p in parameters:
+        # Written so that NaN is out of bounds.
+        if not p.lower <= values[p.name] <= p.upper:
+            raise DataError(
+                f"{source} gives {p.name} = {values[p.name]:g}: keep it between "
+                f"{p.lower:g} and {p.upper:g}."
+            )
