@@ -1,0 +1,30 @@
+"""The `cloudjax` command. Each subcommand imports what it needs when it runs."""
+
+import click
+
+from .demo import demo
+from .doctor import doctor
+from .errors import OneSentenceGroup
+from .fit import fit
+from .info import info
+from .render import render
+from .report import report
+
+
+@click.group(
+    cls=OneSentenceGroup,
+    commands=[demo, info, fit, render, report, doctor],
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
+    invoke_without_command=True,
+)
+@click.version_option(package_name="cloudjax")
+@click.pass_context
+def main(context: click.Context) -> None:
+    """Fit fractal clouds to GOES imagery, render them, and compare radiances.
+
+    A SCENE is a folder with the ABI files of one scan (L1b or CMI), with or without a
+    GFS or NAM file and a scene.toml. Exit codes: 0 done, 1 finished but not converged,
+    2 bad input.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())

@@ -1,0 +1,53 @@
+"""Options that several commands share."""
+
+import functools as ft
+
+import click
+
+
+class BandList(click.ParamType):
+    """Band numbers separated by commas, such as 1,3,13."""
+
+    name = "n,n,..."
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = sorted({int(part) for part in value.split(",")})
+        except ValueError:
+            self.fail(f"{value!r} is not a list of band numbers such as 1,3,13")
+        if not all(1 <= number <= 16 for number in numbers):
+            self.fail(f"{value!r} names a band that ABI lacks: it has 1 to 16")
+        return tuple(numbers)
+
+
+scene_argument = click.argument("scene", type=click.Path(path_type=str))
+
+bands_option = click.option(
+    "--bands",
+    type=BandList(),
+    help="Bands to use.  [default: those of scene.toml, else 1,3,13 by day and 13,15 "
+    "by night, as far as the scene has them]",
+)
+
+ignore_weather_option = click.option(
+    "--ignore-weather",
+    is_flag=True,
+    help="Go on without the weather files of the scene, however far from its time.",
+)
+
+# Checked with those of scene.toml, by the same rules.
+_FIT_OPTIONS = (
+    click.option("--rays", type=int, help="Pixels simulated at each step."),
+    click.option("--steps", type=int, help="Steps through each cloud shell."),
+    click.option("--resolution", type=int, help="Voxels per axis of the textures."),
+    click.option("--starts", type=int, help="Starts; the best fit is kept."),
+    click.option("--max-steps", type=int, help="Steps of the solver at most."),
+    click.option("--seed", type=int, help="Of clouds, rays and starts."),
+)
+
+
+def fit_options(command):
+    """All that `cloudjax_fit.FitSettings` holds, by the same names."""
+    return ft.reduce(lambda c, option: option(c), reversed(_FIT_OPTIONS), command)

@@ -1,0 +1,121 @@
+"""What a scene folder holds, and what a run of it would use, in words."""
+
+from collections.abc import Iterator, Sequence
+
+from cloudjax_data import (
+    AbiBand,
+    DataError,
+    ReflectiveCalibration,
+    SceneFolder,
+    check_time,
+    read_band,
+    read_weather,
+)
+
+from .daylight import is_day, sun_heights_deg
+from .prepare import Run, prepare
+
+
+Row = tuple[str, str]
+
+
+def folder_rows(folder: SceneFolder) -> Iterator[Row]:
+    """What the folder holds and what is missing, as labels and sentences.
+
+    **Raises:** `DataError` if a band cannot be read.
+    """
+    bands = {n: read_band(file, band=n) for n, file in folder.bands.items()}
+    # The last one, for the others may be of a finer and slower grid.
+    some = next(reversed(bands.values()), None)
+    yield "scene", str(folder.path)
+    if some is not None:
+        yield (
+            "satellite",
+            f"{some.platform} ({some.orbital_slot}), sector {some.sector}",
+        )
+        yield "time", f"{some.time:%Y-%m-%d %H:%M:%S} UTC"
+        yield "sun", _sun(some)
+    for band in bands.values():
+        yield f"band {band.number}", _band(band)
+    missing = sorted(set(range(1, 17)) - set(bands))
+    yield "missing", f"bands {_listed(missing)}" if missing else "no band"
+    yield "products", ", ".join(sorted(folder.products)) or "none"
+    yield from _weather_rows(folder, some)
+    yield "settings", ", ".join(folder.settings) or "none (no scene.toml)"
+    if folder.ignored:
+        yield "ignored", ", ".join(file.name for file in folder.ignored)
+
+
+def run_rows(
+    folder: SceneFolder, bands: Sequence[int] | None, ignore_weather: bool
+) -> Iterator[Row]:
+    """Which parts of the model a run would use, and why; or why it cannot be."""
+    try:
+        run = prepare(folder.path, bands=bands, ignore_weather=ignore_weather)
+    except DataError as error:
+        yield "no run", str(error)
+        return
+    target = run.target
+    yield "bands", _listed(target.bands)
+    yield (
+        "cloud pixels",
+        f"{target.rule} ({target.cloud_fraction:.1%} of the good ones)",
+    )
+    yield "sunlight", _use([b.number for b in target.reflective], "reflective band")
+    yield "emission", _use([b.number for b in target.emissive], "thermal band")
+    yield from _layer_rows(run)
+    yield "advection", "left out: no wind is used"
+
+
+def _layer_rows(run: Run) -> Iterator[Row]:
+    target = run.target
+    for name, fraction in target.fractions.items():
+        yield f"layer {name}", f"covers {fraction.mean():.1%} of the area"
+    if "cirrus" not in target.fractions:
+        yield "layer cirrus", "left out: no window band tells high cloud from low"
+
+
+def _sun(band: AbiBand) -> str:
+    low, high = heights = sun_heights_deg(band)
+    hour = "day" if is_day(heights) else "night, reflective bands see no cloud"
+    return f"{hour}: {low:.0f} to {high:.0f} deg above the horizon"
+
+
+def _band(band: AbiBand) -> str:
+    rows, columns = band.grid.shape
+    km = band.grid.step_rad * band.grid.perspective_height_m / 1000
+    kind = "reflective" if _is_reflective(band) else "thermal"
+    return (
+        f"{band.wavelength_um:5.2f} µm {kind:<10} {rows} x {columns} at {km:.1f} km, "
+        f"{band.good.mean():.2%} good"
+    )
+
+
+def _is_reflective(band: AbiBand) -> bool:
+    return isinstance(band.calibration, ReflectiveCalibration)
+
+
+def _weather_rows(folder: SceneFolder, band: AbiBand | None) -> Iterator[Row]:
+    if not folder.weather:
+        yield "weather", "none: where clouds may stand comes from the imagery itself"
+    for file in folder.weather:
+        cube = read_weather(file)
+        text = f"{file.name}, valid {cube.valid_time:%Y-%m-%d %H:%M} UTC"
+        if band is None:
+            yield "weather", text
+            continue
+        hours = (cube.valid_time - band.time).total_seconds() / 3600
+        try:
+            check_time(band.time, cube)
+            verdict = "near enough"
+        except DataError:
+            verdict = "too far: runs refuse it unless told to ignore the weather"
+        yield "weather", f"{text}, {hours:+.1f} hours from the imagery: {verdict}"
+
+
+def _use(numbers: Sequence[int], kind: str) -> str:
+    return f"for bands {_listed(numbers)}" if numbers else f"left out: no {kind}"
+
+
+def _listed(numbers) -> str:
+    return ", ".join(map(str, numbers))
