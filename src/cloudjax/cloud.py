@@ -71,13 +71,13 @@ class CloudFunction(eqx.Module):
 
     def gradient(
         self,
-        texture_gradients: tuple[Float[Array, "rays steps 3"], ...],
+        texture_gradients: tuple[Float[Array, "3 rays steps"], ...],
         altitude_m: Float[Array, "rays steps"],
-        up: Float[Array, "rays steps 3"],
-    ) -> Float[Array, "rays steps 3"]:
+        up: Float[Array, "3 rays steps"],
+    ) -> Float[Array, "3 rays steps"]:
         """∇CF per metre. The mask varies over tens of kilometres: left out."""
         below, above = self._barriers(altitude_m)
-        value = ((below - above) / self.barrier_scale_m)[..., None] * up
+        value = ((below - above) / self.barrier_scale_m)[None] * up
         for i, texture in enumerate(texture_gradients):
             value = value + self.weights[i] * texture
         return value
@@ -146,8 +146,8 @@ class FractalSamples(eqx.Module):
     mask: Float[Array, "rays steps"]
     texture_values: tuple[Float[Array, "rays steps"], ...]
     lost_variances: tuple[Float[Array, ""], ...]
-    up: Float[Array, "rays steps 3"] | None
-    texture_gradients: tuple[Float[Array, "rays steps 3"], ...] | None
+    up: Float[Array, "3 rays steps"] | None
+    texture_gradients: tuple[Float[Array, "3 rays steps"], ...] | None
 
 
 class FractalCloud(AbstractCloudSource):
@@ -236,15 +236,13 @@ class FractalCloud(AbstractCloudSource):
         )
         values, gradients = [], []
         for i, texture in enumerate(textures):
-            u = (
-                way.texture_entry[:, i, None, :]
-                + along[None, :, None] * way.texture_change[:, i, None, :]
-            )
+            entry, change = way.texture_entry[:, i].T, way.texture_change[:, i].T
+            u = entry[..., None] + change[..., None] * along[None, None, :]
             if with_gradient:
                 value, gradient = texture.sample_with_gradient(u)
                 gradient = gradient / self.length_scales_m[i]
                 if way.strain is not None:
-                    gradient = jnp.einsum("rka,rsk->rsa", way.strain[:, i], gradient)
+                    gradient = jnp.einsum("rka,krs->ars", way.strain[:, i], gradient)
                 gradients.append(gradient)
             else:
                 value = texture.sample(u)
@@ -264,8 +262,9 @@ class FractalCloud(AbstractCloudSource):
         f = self.function
         value = f(samples.texture_values, samples.mask, samples.altitude_m)
         lost = sum(f.weights[i] ** 2 * v for i, v in enumerate(samples.lost_variances))
-        width = jnp.sqrt(f.smoothing**2 + (1 - self.latent.share) * lost)
-        # The floor keeps the slope of the square root finite where nothing is lost.
+        # The floors keep the slopes of the roots finite where nothing is lost.
+        left = f.smoothing**2 + (1 - self.latent.share) * lost
+        width = jnp.sqrt(jnp.maximum(left, 1e-12))
         shift = jnp.sqrt(jnp.maximum(self.latent.share * lost, 1e-12))
         shifted = value[None] + (self.latent.nodes * shift)[:, None, None]
         widths = jnp.clip(shifted / width, -_MAX_WIDTHS, _MAX_WIDTHS)

@@ -71,6 +71,8 @@ def slab(
     which is eq. (3) for ω = 1, where t = τ. Finite, with its gradients, for optical
     depths from 0 to infinity and 1 - ω in [0, 1].
     """
+    # Beyond, 1/τ is nothing to float32; τ⁴ in derivatives would overflow.
+    optical_depth = jnp.minimum(optical_depth, 1e9)
     k2 = co_albedo * (2 - co_albedo)
     x2 = k2 * optical_depth**2
     t = optical_depth * _tanh_over(x2)
@@ -81,7 +83,8 @@ def _tanh_over(x2):
     """tanh(x)/x as a smooth function of x²."""
     small = x2 < 1e-2
     x = jnp.sqrt(jnp.where(small, 1.0, x2))
-    series = 1 - x2 / 3 + 2 * x2**2 / 15 - 17 * x2**3 / 315
+    y = jnp.where(small, x2, 0.0)  # powers of large x² overflow
+    series = 1 - y / 3 + 2 * y**2 / 15 - 17 * y**3 / 315
     return jnp.where(small, series, jnp.tanh(x) / x)
 
 
@@ -90,5 +93,6 @@ def _sech(x2):
     small = x2 < 1e-2
     x = jnp.sqrt(jnp.where(small, 1.0, x2))
     decay = jnp.exp(-jnp.minimum(x, 80.0))
-    series = 1 - x2 / 2 + 5 * x2**2 / 24 - 61 * x2**3 / 720
+    y = jnp.where(small, x2, 0.0)
+    series = 1 - y / 2 + 5 * y**2 / 24 - 61 * y**3 / 720
     return jnp.where(small, series, 2 * decay / (1 + decay**2))
