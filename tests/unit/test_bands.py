@@ -1,0 +1,79 @@
+"""Radiances of the bands against the published coefficients of ABI."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.helpers import PLANCK, SOLAR, emissive_bands, numbers, reflective_bands
+
+
+# Band: radiance at 300 K and at 220 K, mW m⁻² sr⁻¹ (cm⁻¹)⁻¹, from the coefficients.
+RADIANCES = {
+    7: (0.90513, 0.010360),
+    8: (21.67649, 1.316138),
+    9: (35.39538, 2.866003),
+    10: (43.75333, 4.057425),
+    11: (67.83001, 8.591218),
+    12: (91.85871, 14.880235),
+    13: (105.09121, 19.285315),
+    14: (118.51919, 24.693619),
+    15: (131.92428, 31.381790),
+    16: (141.06741, 37.149164),
+}
+
+
+def test_the_planck_functions_of_all_emissive_bands():
+    """Black bodies at 300 and 220 K, as tabulated to seven digits. float32: 2e-5."""
+    bands = emissive_bands(*PLANCK)
+    found = bands.planck(numbers(300, 220))
+    expected = [RADIANCES[band] for band in PLANCK]
+    np.testing.assert_allclose(found, expected, rtol=5e-5)
+
+
+def test_the_table_itself_follows_plancks_law():
+    """fk1 = c₁ν³ and fk2 = c₂ν: one wavenumber explains both."""
+    for fk1, fk2, _, _ in PLANCK.values():
+        wavenumber = (fk1 / 1.191042972e-5) ** (1 / 3)
+        assert fk2 == pytest.approx(1.438776877 * wavenumber, rel=1e-5)
+
+
+def test_brightness_temperatures_come_back():
+    bands = emissive_bands(*PLANCK)
+    kelvin = jnp.linspace(180, 340, 33)
+    back = bands.brightness_temperature_k(bands.planck(kelvin))
+    np.testing.assert_allclose(back, np.tile(kelvin, (10, 1)), rtol=2e-6)
+
+
+def test_radiances_that_are_not_positive_have_no_temperature():
+    bands = emissive_bands(13)
+    dark = jnp.asarray([[0.0, -1.0, 1e-30]])
+    found = bands.brightness_temperature_k(dark)
+    assert found[0, :2].tolist() == [0, 0]
+    slope = jax.grad(lambda x: bands.brightness_temperature_k(x).sum())(dark[:, :2])
+    np.testing.assert_array_equal(slope, 0)
+
+
+@pytest.mark.parametrize("kelvin", [0.0, -5.0, 1e-3, 1.0, 10.0, 1e4])
+def test_radiances_of_impossible_temperatures_are_finite(kelvin):
+    bands = emissive_bands(*PLANCK)
+    t = numbers(kelvin)
+    value, slope = jax.jvp(bands.planck, (t,), (jnp.ones_like(t),))
+    assert jnp.isfinite(value).all()
+    assert jnp.isfinite(slope).all()
+    assert jnp.all(value >= 0)
+    if kelvin <= 10:
+        assert jnp.all(value < 1e-20)
+
+
+def test_warmer_is_brighter_in_every_band():
+    radiance = np.asarray(emissive_bands(*PLANCK).planck(jnp.linspace(150, 350, 50)))
+    assert np.all(np.diff(radiance, axis=-1) > 0)
+
+
+def test_a_white_lambertian_surface_reflects_the_sun_over_pi():
+    bands = reflective_bands(*SOLAR)
+    white = bands.radiance(jnp.ones((len(SOLAR), 1)))
+    expected = np.array(list(SOLAR.values())) / np.pi
+    np.testing.assert_allclose(white[:, 0], expected, rtol=1e-6)
+    np.testing.assert_allclose(bands.reflectance(white), 1, rtol=1e-6)

@@ -1,0 +1,117 @@
+"""The march: exact exponentials, whatever the steps and the nodes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cloudjax import Latent, Occupancy
+from cloudjax.march import first_surface, march
+from tests.helpers import numbers
+
+
+def _occupancy(fraction, weights=(1.0,)) -> Occupancy:
+    fraction = jnp.asarray(fraction, float)
+    if fraction.ndim == 2:
+        fraction = jnp.broadcast_to(fraction[None], (len(weights), *fraction.shape))
+    return Occupancy(fraction, numbers(*weights), None)
+
+
+@pytest.mark.parametrize("beta", [0.0, 1e-6, 1e-3, 0.05])
+def test_a_homogeneous_slab_obeys_beer(beta):
+    """T = exp(-βL) to 1e-6, and what is absorbed adds up to 1 - T."""
+    length = numbers(0.0, 1.0, 500.0, 3e4)
+    passed = march(_occupancy(np.ones((4, 24))), length)
+    np.testing.assert_allclose(passed.depth_m[0], length, rtol=1e-6)
+    transmittance = np.exp(-beta * np.asarray(length))
+    absorbed = np.asarray(passed.absorbed(jnp.asarray(beta)))[0]
+    np.testing.assert_allclose(absorbed.sum(-1), 1 - transmittance, atol=1e-6)
+    assert np.all(absorbed >= 0)
+
+
+def test_what_is_absorbed_adds_up_to_what_is_missing():
+    rng = np.random.default_rng(0)
+    fraction = rng.random((3, 50, 24)) * (rng.random((3, 50, 24)) < 0.4)
+    passed = march(_occupancy(fraction, (0.2, 0.5, 0.3)), jnp.full(50, 1e4))
+    for beta in (1e-12, 1e-4, 1e-2, 1e4):
+        absorbed = passed.absorbed(jnp.asarray(beta))
+        missing = -jnp.expm1(-beta * passed.depth_m)
+        np.testing.assert_allclose(absorbed.sum(-1), missing, rtol=2e-5, atol=1e-30)
+
+
+def test_thin_cloud_keeps_its_relative_precision():
+    passed = march(_occupancy(np.ones((1, 8))), numbers(1000.0))
+    absorbed = passed.absorbed(jnp.asarray(1e-15)).sum()
+    assert float(absorbed) == pytest.approx(1e-12, rel=1e-5)
+
+
+def test_a_step_absorbs_what_those_before_it_leave():
+    passed = march(_occupancy([[0.0, 1.0, 0.5, 0.0]]), numbers(400.0))
+    np.testing.assert_allclose(passed.segment_m[0, 0], [0, 100, 50, 0])
+    np.testing.assert_allclose(passed.cloud_m[0, 0], [0, 100, 150, 150])
+    expected = [0, 1 - np.exp(-1), np.exp(-1) * (1 - np.exp(-0.5)), 0]
+    absorbed = passed.absorbed(jnp.asarray(0.01))[0, 0]
+    np.testing.assert_allclose(absorbed, expected, atol=1e-7)
+
+
+def test_steps_converge_at_second_order_for_a_smooth_cloud():
+    """Of a cloud sin² thick along the ray, the depth is half the chord."""
+
+    def depth(steps, phase):
+        s = (np.arange(steps) + 0.5) / steps
+        fraction = np.exp(-((s - phase) ** 2) / 0.05)
+        return float(march(_occupancy(fraction[None]), numbers(1.0)).depth_m[0, 0])
+
+    with jax.enable_x64(True):
+        truth = depth(4096, 0.2)
+        errors = [abs(depth(steps, 0.2) - truth) for steps in (8, 16, 32)]
+    ratios = np.array(errors[:-1]) / errors[1:]
+    np.testing.assert_allclose(ratios, 4, rtol=0.1)
+
+
+def test_the_mean_is_over_the_structures_with_their_weights():
+    fraction = np.stack([np.zeros((2, 4)), np.ones((2, 4))])
+    passed = march(_occupancy(fraction, (0.25, 0.75)), numbers(10.0, 20.0))
+    np.testing.assert_allclose(passed.mean(passed.depth_m), [7.5, 15.0])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_the_nodes_are_those_of_a_standard_gaussian(count):
+    latent = Latent.gauss_hermite(count)
+    nodes, weights = (np.asarray(x, float) for x in (latent.nodes, latent.weights))
+    moments = [(weights * nodes**k).sum() for k in range(2 * min(count, 3))]
+    np.testing.assert_allclose(moments, [1, 0, 1, 0, 3, 0][: len(moments)], atol=1e-5)
+    assert float(latent.share) == pytest.approx(0.8 if count > 1 else 0.0)
+
+
+def _surface(absorbed, gradient):
+    absorbed = jnp.asarray(absorbed, float)[None, None]
+    steps = absorbed.shape[-1]
+    distance = (jnp.arange(steps, dtype=float) + 0.5)[None] * 10
+    up = jnp.broadcast_to(numbers(0, 0, 1), (1, steps, 3))
+    return first_surface(absorbed, distance, jnp.asarray(gradient, float)[None], up)
+
+
+def test_the_first_surface_is_where_all_light_stops():
+    gradient = np.zeros((4, 3))
+    gradient[2] = [-3e-4, 0, -4e-4]
+    surface = _surface([0, 0, 1.0, 0], gradient)
+    assert float(surface.distance_m[0, 0]) == pytest.approx(25.0)
+    np.testing.assert_allclose(surface.normal[0, 0], [0.6, 0, 0.8], atol=1e-5)
+
+
+def test_the_first_surface_of_haze_is_its_middle():
+    surface = _surface(np.full(4, 0.1), np.tile([0, 1e-4, 0], (4, 1)))
+    assert float(surface.distance_m[0, 0]) == pytest.approx(20.0)
+    np.testing.assert_allclose(surface.normal[0, 0], [0, -1, 0], atol=1e-4)
+
+
+def test_where_the_cloud_function_is_flat_the_vertical_decides():
+    surface = _surface([0.5, 0.5], np.zeros((2, 3)))
+    np.testing.assert_allclose(surface.normal[0, 0], [0, 0, 1], atol=1e-5)
+
+
+def test_clear_air_has_finite_surfaces():
+    surface = _surface(np.zeros(4), np.zeros((4, 3)))
+    assert jnp.isfinite(surface.distance_m).all()
+    assert jnp.isfinite(surface.normal).all()
