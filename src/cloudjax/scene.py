@@ -224,7 +224,9 @@ def render(
     tiles = -(-rays // tile)
 
     def split(x):
-        padded = jnp.pad(x, [(0, tiles * tile - rays)] + [(0, 0)] * (x.ndim - 1))
+        # Copies of the last ray fill up: rays of zeros would spoil gradients with NaN.
+        missing = [(0, tiles * tile - rays)] + [(0, 0)] * (x.ndim - 1)
+        padded = jnp.pad(x, missing, mode="edge")
         return padded.reshape(tiles, tile, *x.shape[1:])
 
     def one(inputs):
