@@ -109,7 +109,7 @@ def density_figure(curves: Sequence[Curve], units: str) -> str:
         axes.set_ylabel("density (1 / radiance unit)")
         axes.set_xlim(low, high)
         axes.set_ylim(bottom=0)
-        axes.legend()
+        axes.legend(loc="upper right")
         return _svg_uri(figure)
 
 
@@ -135,7 +135,7 @@ def difference_figure(curves: Sequence[Curve], units: str) -> str:
         axes.set_xlim(low, high)
         axes.set_ylim(-reach, reach)
         if len(curves) > 1:
-            axes.legend()
+            axes.legend(loc="upper right")
         return _svg_uri(figure)
 
 
