@@ -64,7 +64,11 @@ def run_rows(
     yield "sunlight", _use([b.number for b in target.reflective], "reflective band")
     yield "emission", _use([b.number for b in target.emissive], "thermal band")
     yield from _layer_rows(run)
-    yield "advection", "left out: no wind is used"
+    yield "advection", _advection(run)
+    yield (
+        "temperature",
+        ("the profile of the analysis" if run.analysis else "the standard atmosphere"),
+    )
 
 
 def _layer_rows(run: Run) -> Iterator[Row]:
@@ -73,6 +77,14 @@ def _layer_rows(run: Run) -> Iterator[Row]:
         yield f"layer {name}", f"covers {fraction.mean():.1%} of the area"
     if "cirrus" not in target.fractions:
         yield "layer cirrus", "left out: no window band tells high cloud from low"
+
+
+def _advection(run: Run) -> str:
+    if run.analysis is None:
+        return "left out: no weather file gives winds"
+    if not run.analysis.cube.is_global:
+        return "left out: the winds of a regional analysis do not reach far enough"
+    return f"{run.analysis.hours:g} hours of the winds in {run.analysis.cube.path.name}"
 
 
 def _sun(band: AbiBand) -> str:

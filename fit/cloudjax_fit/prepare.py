@@ -16,6 +16,7 @@ from cloudjax_data import (
     read_weather,
 )
 
+from .analysis import Analysis
 from .daylight import is_day, sun_heights_deg
 from .observe import observe
 from .selection import BRIGHT, COLD_K
@@ -37,11 +38,13 @@ class Run:
 
     - `settings`: of the scene's `scene.toml` and of the options, checked.
     - `target`: the scene, reduced.
+    - `analysis`: the weather of the hour, where the folder has it.
     - `observed`: radiances by band on the target's grid.
     """
 
     settings: Settings
     target: Target
+    analysis: Analysis | None
     observed: dict[int, Float[np.ndarray, "y x"]]
 
 
@@ -66,13 +69,12 @@ def prepare(
     settings = with_options(folder_settings(folder), options or {})
     chosen = tuple(bands or settings.bands or default_bands(folder))
     scene = folder.read(chosen).on_common_grid()
-    if not ignore_weather:
-        check_weather(folder, scene)
+    analysis = None if ignore_weather else read_analysis(folder, scene)
     target = observe(scene, chosen, cloud_rule(settings, chosen))
     # For its errors: better now than after the textures.
-    scene_of(settings, target)
+    scene_of(settings, target, analysis)
     observed = {number: band.radiance for number, band in scene.bands.items()}
-    return Run(settings, target, observed)
+    return Run(settings, target, analysis, observed)
 
 
 def folder_settings(folder: SceneFolder) -> Settings:
@@ -95,7 +97,14 @@ def default_bands(folder: SceneFolder) -> tuple[int, ...]:
     return usual
 
 
-def check_weather(folder: SceneFolder, scene: AbiScene) -> None:
-    """Raise `DataError` for weather files that are unreadable or hours away."""
-    for file in folder.weather:
-        check_time(scene.time, read_weather(file))
+def read_analysis(folder: SceneFolder, scene: AbiScene) -> Analysis | None:
+    """The folder's weather analysis nearest to the scan, None without any.
+
+    **Raises:** `DataError` if one is unreadable or hours away from the imagery.
+    """
+    cubes = [read_weather(file) for file in folder.weather]
+    for cube in cubes:
+        check_time(scene.time, cube)
+    if not cubes:
+        return None
+    return Analysis(min(cubes, key=lambda cube: abs(cube.valid_time - scene.time)))

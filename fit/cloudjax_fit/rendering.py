@@ -27,7 +27,7 @@ def render_run(
     **Raises:** `DataError` if the file cannot be read, or names a parameter that no
     scene has, or gives one a value beyond its bounds.
     """
-    scene, parameters = scene_of(run.settings, run.target)
+    scene, parameters = scene_of(run.settings, run.target, run.analysis)
     values = {p.name: p.default for p in parameters}
     if parameter_file is not None:
         given = read_parameters(parameter_file)
@@ -36,7 +36,7 @@ def render_run(
     scene = put_all(
         scene, parameters, jnp.asarray([values[p.name] for p in parameters])
     )
-    image = simulate_image(scene, run.target, run.settings.fit.resolution)
+    image = simulate_image(scene, run.target, run.analysis, run.settings.fit.resolution)
     return image, values
 
 

@@ -22,8 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from cloudjax import Scene
 from cloudjax_data import DataError
 
+from .analysis import Analysis
 from .fit import FitSettings
 from .model import build_scene, scene_parameters
 from .parameters import Parameter, with_overrides
@@ -146,13 +148,16 @@ def _threshold(settings, band, bands, half) -> dict[str, float]:
     return {key: usual[band]}
 
 
-def scene_of(settings: Settings, target: Target) -> tuple[Any, list[Parameter]]:
+def scene_of(
+    settings: Settings, target: Target, analysis: Analysis | None = None
+) -> tuple[Scene, list[Parameter]]:
     """The scene of a target and its parameters, with the changes of the settings.
 
     **Raises:** `DataError` for a parameter that no scene has, or for changes that
     contradict each other.
     """
-    scene = build_scene(target, seed=settings.fit.seed, steps=settings.fit.steps)
+    seed, steps = settings.fit.seed, settings.fit.steps
+    scene = build_scene(target, analysis, seed=seed, steps=steps)
     try:
         return scene, with_overrides(
             scene_parameters(scene, target), overrides_for(settings, target)

@@ -42,6 +42,7 @@ def fit(scenes, bands, output, ignore_weather, **options) -> int:
                 folder,
                 run.settings.fit,
                 overrides=overrides_for(run.settings, run.target),
+                analysis=run.analysis,
                 observed=run.observed,
             )
         )

@@ -6,8 +6,9 @@ from typing import Any
 
 import click
 
+from cloudjax_fit.analysis import Analysis
 from cloudjax_fit.fit import FitResult, FitSettings, fit
-from cloudjax_fit.output import REPORT, cloud_fractions, write_fit
+from cloudjax_fit.output import REPORT, Images, cloud_fractions, write_fit
 from cloudjax_fit.target import Target
 
 from .progress import fit_progress
@@ -22,11 +23,18 @@ def fit_and_write(
     settings: FitSettings,
     *,
     overrides: Mapping[str, Mapping[str, Any]] | None = None,
-    observed: Mapping[int, Any] | None = None,
+    analysis: Analysis | None = None,
+    observed: Images | None = None,
 ) -> int:
     """Fit a target, write the results, and return the exit code."""
     with fit_progress(target.name, settings.max_steps) as on_step:
-        result = fit(target, settings=settings, overrides=overrides, on_step=on_step)
+        result = fit(
+            target,
+            settings=settings,
+            overrides=overrides,
+            analysis=analysis,
+            on_step=on_step,
+        )
     write_fit(result, folder, observed)
     _summarise(result, folder)
     return 0 if result.converged else NOT_CONVERGED
