@@ -1,0 +1,52 @@
+"""A fit's result without a fit: what is written of it does not ask where it is from."""
+
+import dataclasses
+
+import numpy as np
+
+from cloudjax_fit.fit import FitResult, FitSettings, SimulatedImage
+from cloudjax_fit.histogram import distances
+from cloudjax_fit.prepare import Run
+from cloudjax_fit.settings import scene_of
+from cloudjax_fit.uncertainty import Estimate
+
+
+def made_up_result(run: Run, *, converged: bool = True) -> FitResult:
+    """The observed image, made brighter before and hardly changed after the fit."""
+    scene, parameters = scene_of(run.settings, run.target)
+    image, start = _image(run, 1.01), _image(run, 1.3)
+    free = [p for p in parameters if p.free]
+    return FitResult(
+        target=run.target,
+        settings=FitSettings(seed=7),
+        converged=converged,
+        status="converged in 2 steps" if converged else "The solver gave up.",
+        scene=scene,
+        estimates=[
+            Estimate(p, p.default * 1.1, p.default, np.nan, True, False) for p in free
+        ],
+        held=[dataclasses.replace(p, free=False) for p in parameters if not p.free],
+        undetermined=["+0.9 a -0.4 b is known to 0.9 of its prior alone"],
+        start=start,
+        image=image,
+        distances_start=_distances(run, start),
+        distances_fit=_distances(run, image),
+        history=(9.0, 4.0, 1.0),
+        seconds={"compile": 1.0, "solve": 2.0, "total": 3.5},
+        warnings=["Mind the step."],
+    )
+
+
+def _image(run: Run, factor: float) -> SimulatedImage:
+    numbers = tuple(run.target.bands)
+    radiance = np.stack([run.observed[n] * np.float32(factor) for n in numbers])
+    radiance[:, 0, :] = np.nan
+    return SimulatedImage(numbers, radiance, np.isfinite(radiance[0]).astype(float))
+
+
+def _distances(run: Run, image: SimulatedImage):
+    weights = image.cloud.reshape(-1)
+    return {
+        number: distances(band.quantiles, image.band(number).reshape(-1), weights)
+        for number, band in run.target.bands.items()
+    }

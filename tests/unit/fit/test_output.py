@@ -1,0 +1,172 @@
+"""The files of a fit: what is in them, and that none of them looks whole alone."""
+
+import dataclasses
+import json
+import os
+import tomllib
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.fit_results import made_up_result
+from tests.scenes import write_scene
+
+from cloudjax_data import DataError
+from cloudjax_fit.output import fit_numbers, write_fit
+from cloudjax_fit.parameter_file import read_parameters
+from cloudjax_fit.prepare import prepare
+from cloudjax_fit.radiances import read_radiances
+
+
+FILES = {"fit.json", "parameters.toml", "report.html", "simulated.nc"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return prepare(write_scene(tmp_path_factory.mktemp("scene")))
+
+
+@pytest.fixture(scope="module")
+def result(run):
+    return made_up_result(run)
+
+
+@pytest.fixture(scope="module")
+def folder(run, result, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("out") / "fit"
+    write_fit(result, folder, run.observed)
+    return folder
+
+
+def test_all_files_are_there_and_nothing_else(folder):
+    assert {file.name for file in folder.iterdir()} == FILES
+
+
+def test_the_numbers_are_what_the_contract_says(folder, result):
+    numbers = json.loads((folder / "fit.json").read_text())
+    assert numbers["status"] == "converged"
+    assert numbers["seconds"] == {"compile": 1.0, "solve": 2.0, "total": 3.5}
+    assert set(numbers["bands"]) == {"1", "3", "13"}
+    band, distances = numbers["bands"]["13"], result.distances_fit[13]
+    assert band["units"] == "mW m-2 sr-1 (cm-1)-1"
+    assert band["n_pixels"] == distances.n_observed
+    assert band["w1_fit"] == distances.w1
+    assert band["w1_fit_over_std"] == pytest.approx(distances.w1 / band["std_observed"])
+    assert band["w1_start"] > band["w1_fit"]
+    assert band["ks_fit"] == distances.ks
+    threshold = numbers["parameters"]["low_stratus.threshold"]
+    assert {"value", "std", "determined"} <= set(threshold)
+    assert {"scene", "versions", "history", "undetermined", "seeds"} <= set(numbers)
+    assert set(numbers["cloud_fraction"]) == {"observed", "start", "simulated"}
+
+
+def test_what_is_not_finite_is_null(folder):
+    # JSON has no NaN, and readers other than Python's refuse it.
+    text = (folder / "fit.json").read_text()
+    assert "NaN" not in text
+    assert json.loads(text)["parameters"]["low_stratus.threshold"]["std"] is None
+
+
+def test_a_fit_that_did_not_converge_is_marked(run):
+    numbers = fit_numbers(made_up_result(run, converged=False))
+    assert numbers["status"] == "not converged"
+    assert numbers["message"] == "The solver gave up."
+
+
+def test_parameters_come_back(folder, result):
+    values = read_parameters(folder / "parameters.toml")
+    expected = {e.parameter.name: e.value for e in result.estimates}
+    assert values == pytest.approx(expected)
+    assert tomllib.loads((folder / "parameters.toml").read_text())["air"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("a = 3.0", "outside of a section"), ("[a]\nb = true", "give a number"),
+     ("[a", "not valid TOML")],
+)  # fmt: skip
+def test_parameters_that_cannot_be_read_are_refused(tmp_path, text, words):
+    path = tmp_path / "parameters.toml"
+    with pytest.raises(DataError, match="is not a file"):
+        read_parameters(path)
+    path.write_text(text)
+    with pytest.raises(DataError, match=words):
+        read_parameters(path)
+
+
+def test_the_image_is_cf_and_georeferenced(folder, result):
+    with xr.open_dataset(folder / "simulated.nc", decode_coords="all") as data:
+        assert data.attrs["Conventions"] == "CF-1.8"
+        radiance = data["radiance_C13"]
+        assert radiance.dims == ("y", "x")
+        assert radiance.attrs["abi_band"] == 13
+        assert radiance.attrs["units"] == "mW m-2 sr-1 (cm-1)-1"
+        mapping = data[radiance.encoding["grid_mapping"]]
+        assert mapping.attrs["grid_mapping_name"] == "geostationary"
+        assert data["time"].to_numpy() == np.datetime64(
+            result.target.time.replace(tzinfo=None), "ns"
+        )
+        np.testing.assert_array_equal(radiance, result.image.band(13))
+        np.testing.assert_array_equal(data["cloud_weight"], result.image.cloud)
+        np.testing.assert_array_equal(data["x"], result.target.grid.x_rad)
+        assert "low_stratus.threshold" in json.loads(data.attrs["parameters"])
+        assert data.attrs["seed"] == 7
+
+
+def test_the_image_can_be_compared(folder, result):
+    bands = read_radiances(folder / "simulated.nc")
+    np.testing.assert_array_equal(bands[3].values, result.image.band(3))
+
+
+def test_the_report_shows_both_images_and_the_warning(folder):
+    page = (folder / "report.html").read_text()
+    assert page.count("data:image/png") == 3
+    assert "Mind the step." in page
+    assert "reflectance" in page
+
+
+def test_a_scene_without_images_is_reported_too(result, tmp_path):
+    write_fit(result, tmp_path)
+    assert (tmp_path / "report.html").read_text().count("data:image/png") == 3
+
+
+def test_a_failure_leaves_the_files_of_an_earlier_run(result, tmp_path, monkeypatch):
+    write_fit(dataclasses.replace(result, warnings=["an earlier run"]), tmp_path)
+    monkeypatch.setattr("cloudjax_fit.output.write_fit_report", _full_disk)
+    with pytest.raises(DataError, match=r"No space left on device.*free some space"):
+        write_fit(result, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == FILES
+    assert "an earlier run" in (tmp_path / "fit.json").read_text()
+
+
+def test_an_interruption_leaves_nothing_half_written(result, tmp_path, monkeypatch):
+    monkeypatch.setattr("cloudjax_fit.output.write_fit_report", _interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_fit(result, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_numbers_come_last_and_old_ones_go_first(result, tmp_path, monkeypatch):
+    write_fit(result, tmp_path)
+    moved = []
+
+    def failing_move(source, target, replace=os.replace):
+        if target.parent != tmp_path:
+            return replace(source, target)
+        moved.append(target.name)
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr("cloudjax_fit.staging.os.replace", failing_move)
+    with pytest.raises(DataError, match="Input/output error"):
+        write_fit(result, tmp_path)
+    assert len(moved) == 1
+    assert moved != ["fit.json"]
+    assert not (tmp_path / "fit.json").exists()
+
+
+def _full_disk(*_):
+    raise OSError(28, "No space left on device")
+
+
+def _interrupted(*_):
+    raise KeyboardInterrupt

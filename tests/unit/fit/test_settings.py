@@ -1,0 +1,162 @@
+"""What users write in scene.toml, taken as meant or refused in a sentence."""
+
+import dataclasses
+import tomllib
+
+import pytest
+from tests.scenes import write_scene
+
+from cloudjax_data import DataError
+from cloudjax_fit.fit import FitSettings
+from cloudjax_fit.prepare import prepare
+from cloudjax_fit.selection import CloudRule
+from cloudjax_fit.settings import (
+    Settings,
+    cloud_rule,
+    concerning,
+    parameter_names,
+    read_settings,
+    scene_of,
+    with_options,
+)
+
+
+SOURCE = "folder/scene.toml"
+
+
+@pytest.fixture(scope="module")
+def target(tmp_path_factory):
+    scene = write_scene(tmp_path_factory.mktemp("scene"), bands=(1, 13))
+    return prepare(scene).target
+
+
+def read(text: str) -> Settings:
+    return read_settings(tomllib.loads(text), SOURCE)
+
+
+def test_everything_that_may_be_set():
+    settings = read("""
+        [fit]
+        bands = [13, 1]
+        rays = 100
+        max_steps = 7
+        [rule]
+        cold_band = false
+        bright_reflectance = 1
+        [parameters."low_stratus.threshold"]
+        default = 1
+        free = false
+    """)
+    assert settings.bands == (1, 13)
+    assert settings.fit == FitSettings(rays=100, max_steps=7)
+    assert settings.rule == {"cold_band": None, "bright_reflectance": 1.0}
+    assert settings.parameters == {
+        "low_stratus.threshold": {"default": 1.0, "free": False}
+    }
+
+
+def test_nothing_set_is_the_default():
+    assert read("") == Settings(source=SOURCE)
+
+
+@pytest.mark.parametrize(
+    ("text", "named", "near"),
+    [
+        ("[fitt]", "'fitt'", "'fit'"),
+        ("[fit]\nray = 3", "'ray'", "'rays'"),
+        ("[rule]\ncold_temperature = 3.0", "'cold_temperature'", "cold_temperature_k"),
+        ("[parameters.a]\nvalue = 3", "'value'", ""),
+    ],
+)
+def test_an_unknown_key_is_named_with_the_nearest(text, named, near):
+    with pytest.raises(DataError) as caught:
+        read(text)
+    for part in (SOURCE, named, near):
+        assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "fit = 3",
+        "[fit]\nrays = 0",
+        "[fit]\nrays = 1.5",
+        "[fit]\nseed = -1",
+        "[fit]\nresolution = 64",
+        "[fit]\nbands = []",
+        "[fit]\nbands = [17]",
+        '[fit]\nbands = "13"',
+        "[rule]\ncold_band = true",
+        "[rule]\nbright_band = 0",
+        '[rule]\nbright_reflectance = "high"',
+        "[rule]\nbright_reflectance = nan",
+        "[parameters]\na = 3",
+        "[parameters.a]\nfree = 1",
+        "[parameters.a]\ndefault = true",
+        "[parameters.a]\nspread = 0.0",
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_refused(text):
+    with pytest.raises(DataError, match=SOURCE):
+        read(text)
+
+
+def test_the_command_line_goes_before_the_file():
+    settings = read("[fit]\nrays = 100\nseed = 3")
+    settings = with_options(settings, {"rays": 50, "seed": None, "starts": 2})
+    assert settings.fit == FitSettings(rays=50, seed=3, starts=2)
+    with pytest.raises(DataError, match="command line gives rays = 0"):
+        with_options(settings, {"rays": 0})
+
+
+def test_every_option_of_a_fit_is_on_the_command_line():
+    from cloudjax_fit.cli.demo import demo
+
+    names = {field.name for field in dataclasses.fields(FitSettings)}
+    assert names <= {parameter.name for parameter in demo.params}
+
+
+def test_a_rule_is_changed_in_parts():
+    settings = read("[rule]\ncold_temperature_k = 255.0")
+    assert cloud_rule(settings, [1, 3, 13]) == CloudRule(1, 0.25, 13, 255.0)
+    settings = read("[rule]\nbright_band = 3\ncold_band = false")
+    assert cloud_rule(settings, [1, 3, 13]) == CloudRule(3, 0.35, None, 270.0)
+    assert cloud_rule(read(""), [1, 13]) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("bright_band = 5", "not among the bands 1, 4, 13"),
+        ("bright_band = 4", "set bright_reflectance too"),
+        ("bright_band = false\ncold_band = false", "no band that tells cloud"),
+    ],
+)
+def test_a_rule_that_cannot_be_applied_is_refused(text, words):
+    with pytest.raises(DataError, match=words):
+        cloud_rule(read(f"[rule]\n{text}"), [1, 4, 13])
+
+
+def test_parameters_are_changed(target):
+    settings = read('[parameters."cirrus.top"]\ndefault = 9000\nfree = false')
+    _, parameters = scene_of(settings, target)
+    (top,) = (p for p in parameters if p.name == "cirrus.top")
+    assert (top.default, top.free) == (9000.0, False)
+
+
+def test_an_unknown_parameter_is_named_with_the_nearest(target):
+    settings = read('[parameters."cirus.top"]\ndefault = 9000')
+    with pytest.raises(DataError, match=r"'cirus\.top'.*'cirrus\.top'"):
+        scene_of(settings, target)
+
+
+def test_a_parameter_beyond_its_bounds_is_refused(target):
+    settings = read('[parameters."cirrus.top"]\ndefault = 90000')
+    with pytest.raises(DataError, match=r"scene\.toml: cirrus\.top = 90000"):
+        scene_of(settings, target)
+
+
+def test_parameters_of_bands_that_are_not_used_are_left_out(target):
+    assert "air.gain_C13" in parameter_names(target)
+    changes = {"air.gain_C13": 1.0, "air.gain_C15": 1.0}
+    assert concerning(changes, target, SOURCE) == {"air.gain_C13": 1.0}
