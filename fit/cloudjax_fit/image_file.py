@@ -99,7 +99,7 @@ def write_picture(
     figure.suptitle(
         f"{target.platform} {target.time:%Y-%m-%d %H:%M:%S} UTC, simulated", fontsize=11
     )
-    figure.savefig(path, dpi=120, metadata={"Software": None})
+    figure.savefig(path, dpi=120, bbox_inches="tight", metadata={"Software": None})
 
 
 def band_title(band: BandTarget) -> str:
