@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from cloudjax import BandRadiances, Scene, render
 from jaxtyping import Float
 
+from cloudjax import BandRadiances, Scene, render
+
+from .analysis import Analysis
 from .histogram import Distances, distances
 from .model import build_scene, look, scene_parameters
 from .objective import make_textures, pose, stacked
@@ -95,6 +97,7 @@ class FitResult:
 
 def fit(
     target: Target,
+    analysis: Analysis | None = None,
     *,
     settings: FitSettings | None = None,
     overrides: Mapping[str, Mapping] | None = None,
@@ -104,6 +107,7 @@ def fit(
 
     **Arguments:**
 
+    - `analysis`: the weather of that hour: winds that draw the textures, temperatures.
     - `overrides`: changes of parameters by name, such as `{"cirrus.top": {"default":
       9000.0, "free": False}}`.
     - `on_step`: called with the number and loss of each step.
@@ -112,7 +116,7 @@ def fit(
     """
     settings = settings or FitSettings()
     clock = _Clock()
-    scene = build_scene(target, seed=settings.seed, steps=settings.steps)
+    scene = build_scene(target, analysis, seed=settings.seed, steps=settings.steps)
     parameters = with_overrides(scene_parameters(scene, target), overrides or {})
     scene = put_all(scene, parameters, jnp.asarray([p.default for p in parameters]))
     free = [p for p in parameters if p.free]
@@ -120,6 +124,7 @@ def fit(
         target,
         scene,
         free,
+        analysis,
         rays=settings.rays,
         seed=settings.seed,
         resolution=settings.resolution,
@@ -135,8 +140,8 @@ def fit(
     )
     clock.lap("uncertainty")
     fitted = put_all(scene, free, values_of(free, jnp.asarray(best.z)))
-    start = simulate_image(scene, target, settings.resolution)
-    image = simulate_image(fitted, target, settings.resolution)
+    start = simulate_image(scene, target, analysis, settings.resolution)
+    image = simulate_image(fitted, target, analysis, settings.resolution)
     clock.lap("render")
     return FitResult(
         target=target,
@@ -165,12 +170,15 @@ def draw_starts(parameters: Sequence[Parameter], count: int, seed: int):
 
 
 def simulate_image(
-    scene: Scene, target: Target, resolution: int = 128
+    scene: Scene,
+    target: Target,
+    analysis: Analysis | None = None,
+    resolution: int = 128,
 ) -> SimulatedImage:
     """Render all pixels of a target that see the Earth."""
     every = target.grid.rays()
     _, hit = every.ground(target.grid.ellipsoid)
-    view, background = look(scene, target, every[hit])
+    view, background = look(scene, target, every[hit], analysis)
     textures = make_textures(scene, target, resolution)
     seen: BandRadiances = render(scene, view, textures, background)
     weights = eqx.filter_jit(target.rule.weights)(

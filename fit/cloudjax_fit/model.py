@@ -4,11 +4,11 @@ Only what the target shows is built: no cirrus without a window band, no air and
 sunlight in bands that are not asked.
 """
 
-import functools as ft
 from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
+
 from cloudjax import (
     ICE,
     WATER,
@@ -32,9 +32,10 @@ from cloudjax import (
     cloud_classes,
     navigate,
 )
-from cloudjax_data import sun_direction
 from cloudjax.weather import LatLonGrid
+from cloudjax_data import sun_direction
 
+from .analysis import Analysis
 from .parameters import Parameter
 from .target import BandTarget, Target
 
@@ -58,8 +59,17 @@ BACKSCATTER_SHARE = (1 - 0.85) / 2
 REFERENCE_BAND = 13
 
 
-def build_scene(target: Target, *, seed: int = 0, steps: int = 24) -> Scene:
-    """The scene that a target calls for, at the parameters' defaults."""
+def build_scene(
+    target: Target,
+    analysis: Analysis | None = None,
+    *,
+    seed: int = 0,
+    steps: int = 24,
+) -> Scene:
+    """The scene that a target calls for, at the parameters' defaults.
+
+    Temperatures are those of the analysis where there is one.
+    """
     layers = tuple(
         _layer(name, target, seed + 100 * i, steps)
         for i, name in enumerate(target.fractions)
@@ -69,7 +79,11 @@ def build_scene(target: Target, *, seed: int = 0, steps: int = 24) -> Scene:
         reflective=_reflective_bands(target.reflective),
         emissive=_emissive_bands(target.emissive),
         reflection=TwoFlux(indirect=jnp.asarray(0.3)),
-        temperature=StandardAtmosphere(jnp.asarray(0.0)),
+        temperature=(
+            StandardAtmosphere(jnp.asarray(0.0))
+            if analysis is None
+            else analysis.temperature(target)
+        ),
     )
 
 
@@ -165,7 +179,9 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
         parameters += _layer_parameters(i, layer, target)
     if scene.reflective is not None:
         parameters.append(
-            Parameter("light.indirect", lambda s: s.reflection.indirect, 0.3, 0, 1, 0.2)
+            Parameter(
+                "light.indirect", lambda s: s.reflection.indirect, 0.3, 0.0, 1.0, 0.2
+            )
         )
         for i, band in enumerate(target.reflective):
             parameters += _reflective_air(i, band, scene)
@@ -183,28 +199,32 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
 
 
 def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
-    function = lambda s: s.layers[i].cloud.function  # noqa: E731
-    base, top, scale, extinction = START[layer.name]
-    shell, name = layer.cloud.shell, layer.name
-    new = ft.partial(Parameter)
-    found = [
-        new(f"{name}.weight_fine", lambda s: function(s).weights, 0.5, 0, 3, 0.4, index=1),
-        new(f"{name}.weight_worley", lambda s: function(s).weights, 0.5, 0, 3, 0.4, index=2),
-        new(f"{name}.mask_gain", lambda s: function(s).mask_gain, 1.0, 0, 4, 0.4),
-        new(f"{name}.threshold", lambda s: function(s).threshold, 0.0, -4, 4, 0.7),
-        new(f"{name}.top", lambda s: function(s).top_m, top, shell.bottom_m + 300,
-            shell.top_m + 500, 800.0, "m"),
-        new(f"{name}.barrier_scale", lambda s: function(s).barrier_scale_m, scale, 30,
-            2500, 0.7, "m", log=True),
-        new(f"{name}.extinction", lambda s: s.layers[i].extinction_per_m, extinction,
-            1e-6, 1, 1.0, "1/m", log=True),
+    _, top, scale, extinction = START[layer.name]
+    shell = layer.cloud.shell
+    low, high = shell.bottom_m + 300, shell.top_m + 500
+
+    def of_function(name: str):
+        return lambda scene: getattr(scene.layers[i].cloud.function, name)
+
+    def of_layer(name: str):
+        return lambda scene: getattr(scene.layers[i], name)
+
+    rows = [
+        ("weight_fine", of_function("weights"), 0.5, 0.0, 3.0, 0.4, "", 1),
+        ("weight_worley", of_function("weights"), 0.5, 0.0, 3.0, 0.4, "", 2),
+        ("mask_gain", of_function("mask_gain"), 1.0, 0.0, 4.0, 0.4),
+        ("threshold", of_function("threshold"), 0.0, -4.0, 4.0, 0.7),
+        ("top", of_function("top_m"), top, low, high, 800.0, "m"),
+        ("barrier_scale", of_function("barrier_scale_m"), scale, 30.0, 2500.0, 0.7, "m",
+         None, True),
+        ("extinction", of_layer("extinction_per_m"), extinction, 1e-6, 1.0, 1.0, "1/m",
+         None, True),
     ]  # fmt: skip
     if target.emissive:
-        found.append(
-            new(f"{name}.infrared_ratio", lambda s: s.layers[i].infrared_ratio,
-                float(layer.infrared_ratio), 0.3, 60, 0.4, log=True)
-        )  # fmt: skip
-    return found
+        ratio = float(layer.infrared_ratio)
+        where = of_layer("infrared_ratio")
+        rows.append(("infrared_ratio", where, ratio, 0.3, 60.0, 0.4, "", None, True))
+    return [Parameter(f"{layer.name}.{name}", *rest) for name, *rest in rows]
 
 
 def _reflective_air(i: int, band: BandTarget, scene: Scene) -> list[Parameter]:
@@ -224,7 +244,9 @@ def _emissive_air(i: int, band: BandTarget) -> list[Parameter]:
     ]  # fmt: skip
 
 
-def look(scene: Scene, target: Target, rays: Rays) -> tuple[View, BandRadiances]:
+def look(
+    scene: Scene, target: Target, rays: Rays, analysis: Analysis | None = None
+) -> tuple[View, BandRadiances]:
     """Navigate rays through the scene, and what they see without cloud."""
     masks = [
         MaskGrid.from_fraction(
@@ -232,7 +254,9 @@ def look(scene: Scene, target: Target, rays: Rays) -> tuple[View, BandRadiances]
         )
         for layer in scene.layers
     ]
-    view = navigate(scene, rays, sun_direction(target.time), masks)
+    displacements = None if analysis is None else analysis.displacements(scene)
+    sun = sun_direction(target.time)
+    view = navigate(scene, rays, sun, masks, displacements)
     ground, _ = rays.ground(target.grid.ellipsoid)
     grid = LatLonGrid.from_axes(target.latitude_deg, target.longitude_deg)
 

@@ -10,10 +10,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from cloudjax import BandRadiances, Scene, View, radiances, sample
-from cloudjax.weather import LatLonGrid
 from jaxtyping import Array, Float, Int, PyTree
 
+from cloudjax import BandRadiances, Scene, View, radiances, sample
+
+from .analysis import Analysis
 from .histogram import Bins, cumulative, linear_histogram
 from .model import look
 from .parameters import Parameter, put_all, values_of
@@ -21,15 +22,18 @@ from .selection import CloudRule
 from .target import Target, block_of_pixels
 
 
-# A residual of 1 is a difference of 1/SCALE between the cumulative histograms: what a
-# thousand independent pixels leave undecided, and the weight of one standard deviation
-# of a prior.
-SCALE = 30.0
+# A residual of 1 is a difference of 1/SCALE between the cumulative histograms, what some
+# thousand independent pixels leave undecided; it weighs as much as one standard
+# deviation of a prior.
+SCALE = 60.0
 # The covered share of the whole sky is one number beside the bins of a histogram.
-COVERAGE_SCALE = 4 * SCALE
-# By how much another draw of the same clouds changes the covered share of one block of
-# the image. A histogram does not see where clouds are; this keeps them in their place.
+COVERAGE_SCALE = 2 * SCALE
+# By how much another draw of the same clouds changes the covered share f of one block
+# of the image: BLOCK_SPREAD where f is a half, less towards clear and overcast blocks,
+# and BLOCK_FLOOR there. A histogram does not see where clouds are; this keeps them in
+# their place.
 BLOCK_SPREAD = 0.15
+BLOCK_FLOOR = 0.03
 
 
 class Problem(eqx.Module):
@@ -43,11 +47,10 @@ class Problem(eqx.Module):
     - `scene`: at the parameters' defaults.
     - `samples`, `view`, `background`: of the rays.
     - `bins`, `observed`: of each band, reflective ones first: [bands] and [bands bins].
-    - `sky_share`: of the pixels that the rays stand for: no cloud reaches the others.
-    - `cloud_fraction`: observed, of the whole sky.
-    - `block_of_ray`, `block_weight`, `block_fraction`: the block of the image that each
-      ray is in; to turn the sum over a block's rays into its cloud fraction; and that
-      fraction as observed.
+    - `cloud_fraction`: observed, of the whole image.
+    - `block_of_ray`, `block_rays`: the block of the image that each ray is in, and the
+      number of rays in each block.
+    - `block_fraction`: observed cloud fraction of each block.
     - `parameters`, `rule`: static.
     """
 
@@ -57,10 +60,9 @@ class Problem(eqx.Module):
     background: BandRadiances
     bins: Bins
     observed: Float[Array, "bands bins"]
-    sky_share: Float[Array, ""]
     cloud_fraction: Float[Array, ""]
     block_of_ray: Int[Array, " rays"]
-    block_weight: Float[Array, " blocks"]
+    block_rays: Float[Array, " blocks"]
     block_fraction: Float[Array, " blocks"]
     parameters: tuple[Parameter, ...] = eqx.field(static=True)
     rule: CloudRule = eqx.field(static=True)
@@ -100,11 +102,15 @@ def residuals(
     )
 
 
-def _coverage(weights, problem: Problem) -> Float[Array, " blocks_and_one"]:
-    whole = weights.mean() * problem.sky_share - problem.cloud_fraction
-    empty = jnp.zeros_like(problem.block_fraction)
-    blocks = empty.at[problem.block_of_ray].add(weights) * problem.block_weight
-    blocks = (blocks - problem.block_fraction) / BLOCK_SPREAD
+def _coverage(weights, problem: Problem) -> Float[Array, " one_and_blocks"]:
+    whole = weights.mean() - problem.cloud_fraction
+    observed = problem.block_fraction
+    total = jnp.zeros_like(observed).at[problem.block_of_ray].add(weights)
+    # A block that no ray fell into says nothing.
+    seen = problem.block_rays > 0
+    simulated = jnp.where(seen, total / jnp.maximum(problem.block_rays, 1), observed)
+    spread = jnp.sqrt(BLOCK_FLOOR**2 + 4 * BLOCK_SPREAD**2 * observed * (1 - observed))
+    blocks = (simulated - observed) / spread
     return jnp.concatenate([COVERAGE_SCALE * whole[None], blocks])
 
 
@@ -112,6 +118,7 @@ def pose(
     target: Target,
     scene: Scene,
     parameters: Sequence[Parameter],
+    analysis: Analysis | None = None,
     *,
     rays: int,
     seed: int,
@@ -119,16 +126,16 @@ def pose(
 ) -> tuple[Problem, Int[np.ndarray, " rays"]]:
     """Choose rays, navigate them and sample the textures along them.
 
-    Rays are drawn from the pixels that any class of cloud may reach.
+    Rays are drawn from all pixels: clouds must not come up where it is clear.
 
     **Returns:** the problem and the pixels that its rays belong to.
     """
-    pixels, share = _draw_pixels(target, rays, seed)
+    pixels = _draw_pixels(target, rays, seed)
     every = target.grid.rays()
-    view, background = look(scene, target, every[pixels])
+    view, background = look(scene, target, every[pixels], analysis)
     textures = make_textures(scene, target, resolution)
     samples = eqx.filter_jit(sample)(scene, view, textures)
-    block, weight = _blocks(target, pixels, share)
+    block = block_of_pixels(target.grid.shape, target.blocks)[pixels]
     bands = [*target.reflective, *target.emissive]
     bins = Bins(
         jnp.asarray([b.low for b in bands]),
@@ -144,10 +151,11 @@ def pose(
         background=background,
         bins=bins,
         observed=jnp.asarray(observed, float),
-        sky_share=jnp.asarray(share, float),
         cloud_fraction=jnp.asarray(target.cloud_fraction, float),
         block_of_ray=jnp.asarray(block),
-        block_weight=jnp.asarray(weight, float),
+        block_rays=jnp.asarray(
+            np.bincount(block, minlength=len(target.block_valid)), float
+        ),
         block_fraction=jnp.asarray(
             target.block_cloud / np.maximum(target.block_valid, 1), float
         ),
@@ -165,24 +173,7 @@ def make_textures(scene: Scene, target: Target, resolution: int = 128) -> tuple:
     )
 
 
-def _blocks(target: Target, pixels, share: float):
-    """Block of each ray, and what turns a sum over its rays into a cloud fraction."""
-    block = block_of_pixels(target.grid.shape, target.blocks)[pixels]
-    # Every ray stands for the same number of pixels.
-    pixels_per_ray = share * target.block_valid.sum() / len(pixels)
-    return block, pixels_per_ray / np.maximum(target.block_valid, 1)
-
-
-# Where all classes together cover less of the sky than this, no ray is spent.
-_LEAST_FRACTION = 0.005
-
-
-def _draw_pixels(target: Target, count: int, seed: int):
-    """Pixels to simulate, and the share of the Earth's pixels that they stand for."""
-    ground, hit = target.grid.rays().ground(target.grid.ellipsoid)
-    grid = LatLonGrid.from_axes(target.latitude_deg, target.longitude_deg)
-    cover = np.maximum.reduce(list(target.fractions.values()))[..., None]
-    reach = grid.sample(cover, ground.latitude_deg, ground.longitude_deg)[..., 0]
-    candidates = np.flatnonzero(hit & (np.asarray(reach) > _LEAST_FRACTION))
-    chosen = np.random.default_rng(seed).permutation(candidates)[:count]
-    return np.sort(chosen), len(candidates) / hit.sum()
+def _draw_pixels(target: Target, count: int, seed: int) -> Int[np.ndarray, " rays"]:
+    _, hit = target.grid.rays().ground(target.grid.ellipsoid)
+    chosen = np.random.default_rng(seed).permutation(np.flatnonzero(hit))[:count]
+    return np.sort(chosen)

@@ -3,6 +3,9 @@
 from collections.abc import Iterable
 
 import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter
+
 from cloudjax import FixedGrid, cloud_classes
 from cloudjax.atmosphere import temperature_k
 from cloudjax.geodesy import Ellipsoid, geodetic, intersect, up
@@ -13,8 +16,6 @@ from cloudjax_data import (
     ReflectiveCalibration,
     sun_direction,
 )
-from jaxtyping import Bool, Float
-from scipy.ndimage import gaussian_filter
 
 from .histogram import quantiles
 from .selection import CloudRule, default_rule

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from cloudjax import Scene
 from jaxtyping import Array, Float
+
+from cloudjax import Scene
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from cloudjax import BandRadiances, EmissiveBands, ReflectiveBands
 from jaxtyping import Array, Bool, Float
+
+from cloudjax import BandRadiances, EmissiveBands, ReflectiveBands
 
 
 # Reflectance factor from which a pixel counts as cloud, by band, in the order in which

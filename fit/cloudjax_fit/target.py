@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
-from cloudjax import FixedGrid
 from jaxtyping import Float, Int
+
+from cloudjax import FixedGrid
 
 from .histogram import Quantiles
 from .selection import CloudRule

@@ -58,7 +58,7 @@ def estimate(
     *,
     seed: int,
 ) -> tuple[list[Estimate], list[str]]:
-    """Values with standard deviations, and what the data leave undetermined in words."""
+    """Values with standard deviations, and in words what the data do not determine."""
     jacobian = np.asarray(
         eqx.filter_jit(jax.jacfwd(residuals))(z_fit, problem), np.float64
     )
@@ -143,8 +143,7 @@ def _simulated_blocks(problem: Problem, target: Target, z):
         edges = [np.arange(count + 1) - 0.5, bins]
         rows.append(np.histogram2d(block, inside, bins=edges, weights=weights)[0].T)
     cloud = np.bincount(block, weights, minlength=count)
-    pixels = np.bincount(block, minlength=count) / float(problem.sky_share)
-    return np.concatenate(rows), cloud, pixels
+    return np.concatenate(rows), cloud, np.asarray(problem.block_rays, float)
 
 
 def _bootstrap(counts, cloud, valid, rng) -> Float[np.ndarray, "data data"]:

@@ -4,47 +4,92 @@ import importlib.metadata
 
 from .atmosphere import (
     AbstractTemperature as AbstractTemperature,
+)
+from .atmosphere import (
     StandardAtmosphere as StandardAtmosphere,
+)
+from .atmosphere import (
     TemperatureProfile as TemperatureProfile,
 )
 from .bands import (
     EmissiveBands as EmissiveBands,
+)
+from .bands import (
     ReflectiveBands as ReflectiveBands,
 )
 from .cloud import (
     CloudFunction as CloudFunction,
+)
+from .cloud import (
     FractalCloud as FractalCloud,
+)
+from .cloud import (
     Latent as Latent,
 )
 from .fixed_grid import FixedGrid as FixedGrid
-from .geodesy import GRS80 as GRS80, Ellipsoid as Ellipsoid
-from .light import AbstractReflection as AbstractReflection, TwoFlux as TwoFlux
-from .optics import ICE as ICE, WATER as WATER, Particles as Particles
+from .geodesy import GRS80 as GRS80
+from .geodesy import Ellipsoid as Ellipsoid
+from .light import AbstractReflection as AbstractReflection
+from .light import TwoFlux as TwoFlux
+from .optics import ICE as ICE
+from .optics import WATER as WATER
+from .optics import Particles as Particles
 from .rays import Rays as Rays
 from .scene import (
     BandRadiances as BandRadiances,
+)
+from .scene import (
     Layer as Layer,
+)
+from .scene import (
     Scene as Scene,
+)
+from .scene import (
     View as View,
+)
+from .scene import (
     navigate as navigate,
+)
+from .scene import (
     radiances as radiances,
+)
+from .scene import (
     render as render,
+)
+from .scene import (
     sample as sample,
 )
 from .shell import Shell as Shell
-from .source import AbstractCloudSource as AbstractCloudSource, Occupancy as Occupancy
+from .source import AbstractCloudSource as AbstractCloudSource
+from .source import Occupancy as Occupancy
 from .texture import (
     InvertedWorley as InvertedWorley,
+)
+from .texture import (
     Perlin as Perlin,
+)
+from .texture import (
     Texture as Texture,
+)
+from .texture import (
     make_texture as make_texture,
 )
 from .weather import (
     Conditions as Conditions,
+)
+from .weather import (
     MaskGrid as MaskGrid,
+)
+from .weather import (
     cloud_classes as cloud_classes,
+)
+from .weather import (
     cloud_fraction as cloud_fraction,
+)
+from .weather import (
     fraction_to_mask as fraction_to_mask,
+)
+from .weather import (
     load_classes as load_classes,
 )
 

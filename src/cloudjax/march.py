@@ -25,7 +25,7 @@ class March(eqx.Module):
     cloud_m: Float[Array, "nodes rays steps"]
     segment_m: Float[Array, "nodes rays steps"]
     weights: Float[Array, " nodes"]
-    gradient: Float[Array, "rays steps 3"] | None
+    gradient: Float[Array, "3 rays steps"] | None
 
     @property
     def depth_m(self) -> Float[Array, "nodes rays"]:
@@ -63,14 +63,14 @@ class FirstSurface(eqx.Module):
     """
 
     distance_m: Float[Array, "nodes rays"]
-    normal: Float[Array, "nodes rays 3"]
+    normal: Float[Array, "3 nodes rays"]
 
 
 def first_surface(
     absorbed: Float[Array, "nodes rays steps"],
     distance_m: Float[Array, "rays steps"],
-    gradient: Float[Array, "rays steps 3"],
-    up: Float[Array, "rays steps 3"],
+    gradient: Float[Array, "3 rays steps"],
+    up: Float[Array, "3 rays steps"],
 ) -> FirstSurface:
     """The expected depth and normal of the first surface (section 2.1)."""
     total = jnp.maximum(absorbed.sum(-1), 1e-12)
@@ -78,6 +78,7 @@ def first_surface(
     # A trace of the vertical decides where the cloud function is flat, and keeps the
     # normalisation finite. 1e-9 per metre is far below any slope of CF.
     outward = 1e-9 * up - gradient
-    mean = jnp.einsum("nrs,rsa->nra", absorbed / total[..., None], outward)
-    length2 = (mean**2).sum(-1, keepdims=True)
-    return FirstSurface(distance, mean / jnp.sqrt(length2 + 1e-24))
+    weights = absorbed / total[..., None]
+    mean = jnp.stack([(weights * component[None]).sum(-1) for component in outward])
+    length = jnp.sqrt((mean**2).sum(0) + 1e-24)
+    return FirstSurface(distance, mean / length[None])

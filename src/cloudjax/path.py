@@ -34,8 +34,8 @@ class Path(eqx.Module):
         return self.length_m[:, None] * fraction[None, :]
 
     def altitude_m(
-        self, distance_m: Float[Array, "*nodes rays steps"]
-    ) -> Float[Array, "*nodes rays steps"]:
+        self, distance_m: Float[Array, "rays steps"]
+    ) -> Float[Array, "rays steps"]:
         """Altitude after a distance from the entry.
 
         From |r + s d|² = r² + 2 r μ s + s², with the difference of squares divided
@@ -46,14 +46,12 @@ class Path(eqx.Module):
         return self.entry_altitude_m[:, None] + gained / (r + jnp.sqrt(r**2 + gained))
 
     def up(
-        self, distance_m: Float[Array, "*nodes rays steps"]
-    ) -> Float[Array, "*nodes rays steps 3"]:
+        self, distance_m: Float[Array, "rays steps"]
+    ) -> Float[Array, "3 rays steps"]:
         """The vertical after a distance from the entry, unit vectors."""
-        position = (
-            self.radius_m[:, None, None] * self.entry_up[:, None, :]
-            + distance_m[..., None] * self.direction[:, None, :]
-        )
-        return position / jnp.linalg.norm(position, axis=-1, keepdims=True)
+        start = self.radius_m[None, :] * self.entry_up.T
+        position = start[..., None] + self.direction.T[..., None] * distance_m[None]
+        return position / jnp.linalg.norm(position, axis=0)[None]
 
     def _slope(self) -> Float[Array, " rays"]:
         return (self.direction * self.entry_up).sum(-1)

@@ -34,7 +34,7 @@ class Rays:
         return self.origin_m + distance_m[:, None] * self.direction
 
     def footprint_m(self, ellipsoid: Ellipsoid = GRS80) -> Float[np.ndarray, " rays"]:
-        """Width of each pixel on the ground: the root of its area. NaN off the Earth."""
+        """Root of each pixel's area on the ground; NaN off the Earth."""
         ground, hit = self.ground(ellipsoid)
         vertical = up(ground.latitude_deg, ground.longitude_deg)
         slant = -(vertical * self.direction).sum(-1)

@@ -164,7 +164,7 @@ def _reflected(scene, layer: Layer, view: View, samples, passed: March):
         passed.gradient,
         samples.up,
     )
-    facing = jnp.sum(surface.normal * view.sun_direction[None, None, :], axis=-1)
+    facing = jnp.sum(surface.normal * view.sun_direction[:, None, None], axis=0)
     depth = layer.extinction_per_m * passed.depth_m
     reflectance = jnp.stack(
         [

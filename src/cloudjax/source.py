@@ -19,7 +19,7 @@ class Occupancy(eqx.Module):
 
     fraction: Float[Array, "nodes rays steps"]
     weights: Float[Array, " nodes"]
-    gradient: Float[Array, "rays steps 3"] | None
+    gradient: Float[Array, "3 rays steps"] | None
 
 
 class AbstractCloudSource(eqx.Module):

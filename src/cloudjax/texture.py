@@ -1,7 +1,8 @@
 """Periodic fractal textures: Perlin, inverted Worley, and their average over a pixel.
 
 Textures are data, not parameters: they are passed to compiled functions as arguments
-and no gradient flows into their voxels.
+and no gradient flows into their voxels. Positions and gradients have their components
+on the first axis, which keeps each in one run of memory.
 """
 
 import functools as ft
@@ -27,29 +28,27 @@ class Texture(eqx.Module):
     voxels: Float[Array, "n n n"]
     lost_variance: Float[Array, ""]
 
-    def sample(self, u: Float[Array, "*points 3"]) -> Float[Array, " *points"]:
+    def sample(self, u: Float[Array, "3 *points"]) -> Float[Array, " *points"]:
         """Trilinear interpolation at positions `u` in periods, periodic."""
-        corners, (x, y, z) = self._corners(u, shared=False)
-        along_x = [[_lerp((corners[0, j, k], corners[1, j, k]), x) for k in (0, 1)] for j in (0, 1)]
-        along_xy = [_lerp((along_x[0][k], along_x[1][k]), y) for k in (0, 1)]
-        return _lerp(along_xy, z)
+        corner, (x, y, z) = self._corners(u, shared=False)
+        return _lerp(_along_xy(corner, x, y), z)
 
     def sample_with_gradient(
-        self, u: Float[Array, "*points 3"]
-    ) -> tuple[Float[Array, " *points"], Float[Array, "*points 3"]]:
+        self, u: Float[Array, "3 *points"]
+    ) -> tuple[Float[Array, " *points"], Float[Array, "3 *points"]]:
         """The value and its gradient per period, from the same eight voxels."""
-        corners, (x, y, z) = self._corners(u, shared=True)
-        along_x = [[_lerp((corners[0, j, k], corners[1, j, k]), x) for k in (0, 1)] for j in (0, 1)]
-        along_xy = [_lerp((along_x[0][k], along_x[1][k]), y) for k in (0, 1)]
-        rise_x = [[_rise((corners[0, j, k], corners[1, j, k])) for j in (0, 1)] for k in (0, 1)]
+        corner, (x, y, z) = self._corners(u, shared=True)
+        n = self.voxels.shape[0]
+        along_xy = _along_xy(corner, x, y)
+        along_x = [[_lerp(_pair(corner, j, k), x) for k in (0, 1)] for j in (0, 1)]
+        rise_x = [[_rise(_pair(corner, j, k)) for j in (0, 1)] for k in (0, 1)]
         rise_y = [along_x[1][k] - along_x[0][k] for k in (0, 1)]
         gradient = [
             _lerp([_lerp(rise_x[k], y) for k in (0, 1)], z),
             _lerp(rise_y, z),
             _rise(along_xy),
         ]
-        n = self.voxels.shape[0]
-        return _lerp(along_xy, z), n * jnp.stack(gradient, axis=-1)
+        return _lerp(along_xy, z), n * jnp.stack(gradient)
 
     def _corners(self, u, *, shared: bool):
         """The eight voxels around each point, and where it lies between them."""
@@ -61,7 +60,7 @@ class Texture(eqx.Module):
         # The flat index with clipping is the form that XLA fuses best on a CPU.
         flat = jax.lax.stop_gradient(self.voxels).reshape(-1)
         x, y, z = (
-            (low[..., axis] * stride, high[..., axis] * stride)
+            (low[axis] * stride, high[axis] * stride)
             for axis, stride in enumerate((n * n, n, 1))
         )
         read = [
@@ -71,8 +70,16 @@ class Texture(eqx.Module):
         if shared:
             # Else XLA fuses the reads anew into each of the four results.
             read = jax.lax.optimization_barrier(read)
-        corners = dict(zip(np.ndindex(2, 2, 2), read, strict=True))
-        return corners, jnp.moveaxis(scaled - floor, -1, 0)
+        return dict(zip(np.ndindex(2, 2, 2), read, strict=True)), scaled - floor
+
+
+def _along_xy(corner, x, y):
+    along_x = [[_lerp(_pair(corner, j, k), x) for j in (0, 1)] for k in (0, 1)]
+    return [_lerp(along_x[k], y) for k in (0, 1)]
+
+
+def _pair(corner, j, k):
+    return corner[0, j, k], corner[1, j, k]
 
 
 def _lerp(ends, fraction):
