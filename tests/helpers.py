@@ -93,9 +93,10 @@ def cloud_function(**changes) -> CloudFunction:
     return CloudFunction(**{k: jnp.asarray(v, float) for k, v in values.items()})
 
 
-def fractal_cloud(
-    shell: Shell = Shell(500.0, 4000.0), nodes: int = 1, **changes
-) -> FractalCloud:
+LOW_SHELL = Shell(500.0, 4000.0)
+
+
+def fractal_cloud(shell: Shell = LOW_SHELL, nodes: int = 1, **changes) -> FractalCloud:
     """A cloud of Perlin and Worley noise in a shell."""
     return FractalCloud(
         function=cloud_function(**changes),

@@ -47,7 +47,7 @@ def test_geodetic_positions_equal_those_of_pyproj(places):
     low = places[2] < 20e3  # pyproj does not iterate and is not exact far above
     position = ecef(*places)[low]
     longitude, latitude, altitude = CARTESIAN.transform(
-        *position.T, direction=pyproj.enums.TransformDirection.INVERSE
+        position[:, 0], position[:, 1], position[:, 2], direction="INVERSE"
     )
     found = geodetic(position)
     np.testing.assert_allclose(found[0], latitude, rtol=0, atol=1e-10)

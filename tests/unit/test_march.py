@@ -88,8 +88,9 @@ def _surface(absorbed, gradient):
     absorbed = jnp.asarray(absorbed, float)[None, None]
     steps = absorbed.shape[-1]
     distance = (jnp.arange(steps, dtype=float) + 0.5)[None] * 10
-    up = jnp.broadcast_to(numbers(0, 0, 1), (1, steps, 3))
-    return first_surface(absorbed, distance, jnp.asarray(gradient, float)[None], up)
+    up = jnp.broadcast_to(numbers(0, 0, 1)[:, None, None], (3, 1, steps))
+    along = jnp.asarray(gradient, float).T[:, None]
+    return first_surface(absorbed, distance, along, up)
 
 
 def test_the_first_surface_is_where_all_light_stops():
@@ -97,18 +98,18 @@ def test_the_first_surface_is_where_all_light_stops():
     gradient[2] = [-3e-4, 0, -4e-4]
     surface = _surface([0, 0, 1.0, 0], gradient)
     assert float(surface.distance_m[0, 0]) == pytest.approx(25.0)
-    np.testing.assert_allclose(surface.normal[0, 0], [0.6, 0, 0.8], atol=1e-5)
+    np.testing.assert_allclose(surface.normal[:, 0, 0], [0.6, 0, 0.8], atol=1e-5)
 
 
 def test_the_first_surface_of_haze_is_its_middle():
     surface = _surface(np.full(4, 0.1), np.tile([0, 1e-4, 0], (4, 1)))
     assert float(surface.distance_m[0, 0]) == pytest.approx(20.0)
-    np.testing.assert_allclose(surface.normal[0, 0], [0, -1, 0], atol=1e-4)
+    np.testing.assert_allclose(surface.normal[:, 0, 0], [0, -1, 0], atol=1e-4)
 
 
 def test_where_the_cloud_function_is_flat_the_vertical_decides():
     surface = _surface([0.5, 0.5], np.zeros((2, 3)))
-    np.testing.assert_allclose(surface.normal[0, 0], [0, 0, 1], atol=1e-5)
+    np.testing.assert_allclose(surface.normal[:, 0, 0], [0, 0, 1], atol=1e-5)
 
 
 def test_clear_air_has_finite_surfaces():

@@ -56,7 +56,8 @@ def _errors(rays: Rays, longest=np.inf):
         + (chord.entry_m[:, None] + along)[..., None] * (rays.direction[:, None])
     )
     latitude, longitude, altitude = geodetic(place)
-    tilt = np.linalg.norm(path.up(distance) - up(latitude, longitude), axis=-1)
+    normal = np.moveaxis(up(latitude, longitude), -1, 0)
+    tilt = np.linalg.norm(path.up(distance) - normal, axis=0)
     return np.abs(path.altitude_m(distance) - altitude).max(), tilt.max()
 
 
