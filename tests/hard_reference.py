@@ -1,0 +1,97 @@
+"""The paper's hard level set in plain numpy, float64, one point sample per step.
+
+Independent of the renderer but for the chords and the voxels it is given: its own
+interpolation, its own positions, geodetic altitudes by pyproj, a threshold without any
+width, a sum over steps and the first step in cloud.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyproj
+
+from cloudjax import FractalCloud, Rays
+from cloudjax.shell import chords
+
+
+_CARTESIAN = pyproj.Transformer.from_pipeline("+proj=cart +ellps=GRS80")
+
+
+@dataclass(frozen=True)
+class HardMarch:
+    """Per ray: way through cloud, distance of and normal at the first step in cloud.
+
+    `crossing_m` is where the cloud function first turns positive along a finer march.
+    """
+
+    depth_m: np.ndarray
+    distance_m: np.ndarray
+    normal: np.ndarray
+    crossing_m: np.ndarray
+    step_m: np.ndarray
+
+
+def interpolate(voxels: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Periodic trilinear interpolation as a sum of eight weighted voxels."""
+    n = len(voxels)
+    x = np.asarray(u, np.float64) * n
+    low = np.floor(x).astype(int)
+    total = np.zeros(x.shape[:-1])
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.prod(np.where(corner, x - low, 1 - (x - low)), axis=-1)
+        i, j, k = np.moveaxis((low + corner) % n, -1, 0)
+        total += weight * voxels[i, j, k]
+    return total
+
+
+def cloud_function(cloud: FractalCloud, voxels, position_m: np.ndarray) -> np.ndarray:
+    """Eq. (1) at ECEF positions, without mask and wind."""
+    f = {k: np.asarray(v, np.float64) for k, v in vars(cloud.function).items()}
+    x, y, z = position_m.reshape(-1, 3).T
+    _, _, altitude = _CARTESIAN.transform(x, y, z, direction="INVERSE")
+    z = np.asarray(altitude).reshape(position_m.shape[:-1])
+    value = -f["threshold"] * np.ones_like(z)
+    for end in ((f["base_m"] - z), (z - f["top_m"])):
+        value -= f["barrier_strength"] * np.exp(end / f["barrier_scale_m"])
+    for weight, voxel, scale in zip(
+        f["weights"], voxels, cloud.length_scales_m, strict=True
+    ):
+        value += weight * interpolate(voxel, position_m / scale)
+    return value
+
+
+def _normal(cloud, voxels, position_m, step_m=0.01):
+    """Against the gradient of the cloud function, by central differences."""
+    columns = [
+        cloud_function(cloud, voxels, position_m - step)
+        - cloud_function(cloud, voxels, position_m + step)
+        for step in step_m * np.eye(3)
+    ]
+    outward = np.stack(columns, axis=-1)
+    return outward / np.linalg.norm(outward, axis=-1, keepdims=True)
+
+
+def march(cloud: FractalCloud, textures, rays: Rays, steps: int) -> HardMarch:
+    """March all rays; rays that meet no cloud have depth 0 and the rest undefined."""
+    voxels = [np.asarray(t.voxels, np.float64) for t in textures]
+    chord = chords(rays, cloud.shell)
+
+    def in_cloud(count):
+        along = chord.length_m[:, None] * (np.arange(count) + 0.5) / count
+        distance = chord.entry_m[:, None] + along
+        place = rays.origin_m[:, None] + distance[..., None] * rays.direction[:, None]
+        return along, place, cloud_function(cloud, voxels, place) > 0
+
+    along, place, inside = in_cloud(steps)
+    first = inside.argmax(-1)[:, None]
+    surface = np.take_along_axis(place, first[..., None], axis=1)[:, 0]
+    fine, _, fine_inside = in_cloud(16 * steps)
+    crossing = np.take_along_axis(fine, fine_inside.argmax(-1)[:, None], 1)[:, 0]
+    step = chord.length_m / steps
+    return HardMarch(
+        inside.sum(-1) * step,
+        np.take_along_axis(along, first, axis=1)[:, 0],
+        _normal(cloud, voxels, surface),
+        crossing,
+        step,
+    )
