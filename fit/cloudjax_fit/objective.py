@@ -142,15 +142,13 @@ def pose(
         jnp.asarray([b.high for b in bands]),
         bands[0].block_counts.shape[1],
     )
-    counts = np.stack([b.block_counts.sum(0) for b in bands])
-    observed = np.cumsum(counts, axis=1) / counts.sum(axis=1, keepdims=True)
     problem = Problem(
         scene=scene,
         view=view,
         samples=samples,
         background=background,
         bins=bins,
-        observed=jnp.asarray(observed, float),
+        observed=_observed(bands, bins),
         cloud_fraction=jnp.asarray(target.cloud_fraction, float),
         block_of_ray=jnp.asarray(block),
         block_rays=jnp.asarray(
@@ -163,6 +161,13 @@ def pose(
         rule=target.rule,
     )
     return problem, pixels
+
+
+def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
+    """Cumulative histograms, deposited as the simulated ones are."""
+    values = jnp.stack([jnp.asarray(b.quantiles.equal_weights(), float) for b in bands])
+    deposit = jax.vmap(linear_histogram, (0, None, 0))
+    return jax.vmap(cumulative)(deposit(values, jnp.ones(values.shape[1]), bins))
 
 
 def make_textures(scene: Scene, target: Target, resolution: int = 128) -> tuple:

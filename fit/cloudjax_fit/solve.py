@@ -14,8 +14,9 @@ from jaxtyping import Array, Float
 from .objective import Problem, residuals
 
 
-# Of a prior's standard deviation, and of a residual: below these a step is no news.
-TOLERANCE = 3e-3
+# Of a prior's standard deviation, and of a residual's: a step that changes less is no
+# news beside the noise of either.
+TOLERANCE = 3e-2
 
 
 class LevenbergMarquardt(optx.AbstractGaussNewton):
@@ -30,9 +31,7 @@ class LevenbergMarquardt(optx.AbstractGaussNewton):
     atol: float
     verbose: Callable[..., None]
     norm: Callable = optx.max_norm
-    descent: optx.DampedNewtonDescent = optx.DampedNewtonDescent(
-        linear_solver=lx.QR()
-    )
+    descent: optx.DampedNewtonDescent = optx.DampedNewtonDescent(linear_solver=lx.QR())
     search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75)
 
 
@@ -90,16 +89,20 @@ class Solver:
         jax.effects_barrier()
         loss = float(0.5 * (residuals(solution.value, problem) ** 2).sum())
         converged = bool(solution.result == optx.RESULTS.successful)
-        message = (
-            f"converged in {len(self._losses)} steps"
-            if converged
-            else optx.RESULTS[solution.result]
-        )
+        message = self._in_words(converged)
         if not np.isfinite(loss):
             converged, message = False, "the residuals are not finite"
         return Solution(
             z, converged, message, (*self._losses, loss), time.perf_counter() - started
         )
+
+    def _in_words(self, converged: bool) -> str:
+        steps = len(self._losses)
+        if converged:
+            return f"converged in {steps} steps"
+        if steps >= self._max_steps:
+            return f"not converged in the {steps} steps allowed: allow more"
+        return f"the solver broke down after {steps} steps: try another start"
 
     def _least_squares(self, z, problem, max_steps):
         solver = LevenbergMarquardt(TOLERANCE, TOLERANCE, self._verbose)

@@ -17,7 +17,9 @@ from .histogram import Quantiles
 from .selection import CloudRule
 
 
-BINS = 64
+# Broad enough to hold dozens of rays each: with fewer, the derivative of a histogram
+# jumps as rays change bins, and a solver creeps.
+BINS = 32
 
 
 @dataclass(frozen=True, eq=False)
