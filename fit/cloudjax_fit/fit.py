@@ -40,7 +40,7 @@ class FitSettings:
     steps: int = 24
     resolution: int = 128
     starts: int = 1
-    max_steps: int = 100
+    max_steps: int = 150
     seed: int = 0
 
 

@@ -29,7 +29,6 @@ from cloudjax import (
     StandardAtmosphere,
     TwoFlux,
     View,
-    cloud_classes,
     navigate,
 )
 from cloudjax.weather import LatLonGrid
@@ -47,10 +46,15 @@ LENGTH_SCALES_M = {
     "low_stratus": (410e3, 97e3, 173e3),
     "cirrus": (620e3, 139e3, 251e3),
 }
+# The air that each class is looked for in. A scene's own imagery tells low cloud from
+# high cloud and no more, so the high class takes all the air between the low shell and
+# the standard tropopause: with the 6.5 to 10 km of the paper's cirrus, the fitted scene
+# had neither its mid-level cloud nor its coldest tops (docs/decisions.md).
+SHELLS = {"low_stratus": Shell(500.0, 4000.0), "cirrus": Shell(4000.0, 11000.0)}
 # Where each class starts: base, top and scale of the barriers, extinction.
 START = {
     "low_stratus": (600.0, 1800.0, 250.0, 3e-3),
-    "cirrus": (7000.0, 9300.0, 400.0, 4e-4),
+    "cirrus": (5000.0, 9000.0, 500.0, 4e-4),
 }
 PARTICLES = {"low_stratus": WATER, "cirrus": ICE}
 # The paper's extinction is (1 - g)/2 of the physical one, for g = 0.85 (docs/paper.md);
@@ -89,7 +93,6 @@ def build_scene(
 
 def _layer(name: str, target: Target, seed: int, steps: int) -> Layer:
     base, top, scale, extinction = START[name]
-    conditions = cloud_classes()[name]
     particles: Particles = PARTICLES[name]
     function = CloudFunction(
         weights=jnp.asarray([1.0, 0.5, 0.5]),
@@ -105,7 +108,7 @@ def _layer(name: str, target: Target, seed: int, steps: int) -> Layer:
         cloud=FractalCloud(
             function=function,
             latent=Latent.gauss_hermite(),
-            shell=Shell(conditions.shell_bottom_m, conditions.shell_top_m),
+            shell=SHELLS[name],
             fractals=FRACTALS,
             length_scales_m=LENGTH_SCALES_M[name],
             seed=seed,
@@ -190,7 +193,7 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
             Parameter(
                 "air.temperature_offset",
                 lambda s: s.temperature.offset_k,
-                0.0, -15.0, 15.0, 4.0, "K",
+                0.0, -15.0, 15.0, 5.0, "K",
             )
         )  # fmt: skip
         for i, band in enumerate(target.emissive):
@@ -214,7 +217,7 @@ def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
         ("weight_worley", of_function("weights"), 0.5, 0.0, 3.0, 0.4, "", 2),
         ("mask_gain", of_function("mask_gain"), 1.0, 0.0, 4.0, 0.4),
         ("threshold", of_function("threshold"), 0.0, -4.0, 4.0, 0.7),
-        ("top", of_function("top_m"), top, low, high, 800.0, "m"),
+        ("top", of_function("top_m"), top, low, high, 1000.0, "m"),
         ("barrier_scale", of_function("barrier_scale_m"), scale, 30.0, 2500.0, 0.7, "m",
          None, True),
         ("extinction", of_layer("extinction_per_m"), extinction, 1e-6, 1.0, 1.0, "1/m",
@@ -223,7 +226,7 @@ def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
     if target.emissive:
         ratio = float(layer.infrared_ratio)
         where = of_layer("infrared_ratio")
-        rows.append(("infrared_ratio", where, ratio, 0.3, 60.0, 0.4, "", None, True))
+        rows.append(("infrared_ratio", where, ratio, 0.3, 60.0, 0.7, "", None, True))
     return [Parameter(f"{layer.name}.{name}", *rest) for name, *rest in rows]
 
 

@@ -16,7 +16,7 @@ from .objective import Problem, residuals
 
 # Of a prior's standard deviation, and of a residual's: a step that changes less is no
 # news beside the noise of either.
-TOLERANCE = 3e-2
+TOLERANCE = 1e-2
 
 
 class LevenbergMarquardt(optx.AbstractGaussNewton):
@@ -69,7 +69,7 @@ class Solver:
     """
 
     def __init__(
-        self, problem: Problem, *, max_steps: int = 100, on_step: OnStep | None = None
+        self, problem: Problem, *, max_steps: int = 150, on_step: OnStep | None = None
     ):
         self._losses: list[float] = []
         self._on_step = on_step

@@ -1,0 +1,147 @@
+"""A twin of reality: a scene of known parameters, seen through real files.
+
+The scene is rendered with the truth, given the noise of the instrument, packed into
+ABI L1b files, read back through the public reader and reduced to a target. What a
+histogram cannot know, where the weather is, the twin and its fit share.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from cloudjax_data import ReflectiveCalibration, open_folder
+from cloudjax_fit.fit import simulate_image
+from cloudjax_fit.model import build_scene, scene_parameters
+from cloudjax_fit.objective import Problem, pose
+from cloudjax_fit.observe import observe
+from cloudjax_fit.parameters import Parameter, put_all, with_overrides
+from cloudjax_fit.target import Target
+from tests.generated import default_calibration, window, write_abi_l1b
+
+
+SHAPE = (84, 84)
+BANDS = (1, 3, 13)
+STEPS = 12
+RESOLUTION = 128
+# What each scene of clouds below is made of; the rest stays at its default.
+TRUTH = {
+    "cirrus.weight_fine": 0.7,
+    "cirrus.weight_worley": 0.35,
+    "cirrus.threshold": 0.25,
+    "cirrus.top": 8600.0,
+    "cirrus.extinction": 3e-4,
+    "low_stratus.weight_fine": 0.65,
+    "low_stratus.weight_worley": 0.7,
+    "low_stratus.threshold": -0.3,
+    "low_stratus.top": 2100.0,
+    "low_stratus.extinction": 1.2e-3,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """A posed problem and the truth behind it."""
+
+    target: Target
+    problem: Problem
+    parameters: list[Parameter]
+
+    @property
+    def truth(self) -> np.ndarray:
+        return np.array([TRUTH[p.name] for p in self.parameters])
+
+
+def make_twin(folder: Path, seed: int = 3) -> Twin:
+    """Render the truth, write it as files, read them, and pose the fit."""
+    weather = _weather(folder / "first_guess", seed)
+    scene = build_scene(weather, seed=seed, steps=STEPS)
+    every = scene_parameters(scene, weather)
+    free = [p for p in every if p.name in TRUTH]
+    truth = put_all(scene, free, jnp.asarray([TRUTH[p.name] for p in free]))
+    image = simulate_image(truth, weather, resolution=RESOLUTION)
+    _write(folder / "twin", {b: image.band(b) for b in BANDS}, seed)
+    seen = observe(open_folder(folder / "twin").read(BANDS), BANDS)
+    target = _with_weather(seen, weather)
+    vague = {p.name: {"spread": 2 * p.spread} for p in free}
+    parameters = with_overrides(free, vague)
+    problem, _ = pose(
+        target,
+        scene,
+        parameters,
+        rays=SHAPE[0] * SHAPE[1],
+        seed=seed,
+        resolution=RESOLUTION,
+    )
+    return Twin(target, problem, parameters)
+
+
+def _weather(folder: Path, seed: int) -> Target:
+    """A target with smooth fractions of both classes over a dark, warm sea."""
+    rng = np.random.default_rng(seed)
+    rough = gaussian_filter(rng.standard_normal(SHAPE), 3)
+    images = {
+        b: default_calibration(b).radiance(
+            np.where(rough > 0, 0.6, 0.08)
+            if isinstance(default_calibration(b), ReflectiveCalibration)
+            else np.where(rough > 0.08, 240.0, 289.0)
+        )
+        for b in BANDS
+    }
+    _write(folder, images, seed)
+    first = observe(open_folder(folder).read(BANDS), BANDS)
+    shape = len(first.latitude_deg), len(first.longitude_deg)
+    fractions = {
+        name: np.clip(0.5 + 0.3 * _smooth(rng, shape), 0.1, 0.9)
+        for name in first.fractions
+    }
+    sea = {1: 0.10, 3: 0.03, 13: 289.0}
+    bands = {
+        b: replace(
+            band,
+            background=np.full(
+                shape, float(default_calibration(b).radiance(np.asarray(sea[b])))
+            ),
+        )
+        for b, band in first.bands.items()
+    }
+    return replace(first, fractions=fractions, bands=bands)
+
+
+def _smooth(rng: np.random.Generator, shape) -> np.ndarray:
+    field = gaussian_filter(rng.standard_normal(shape), 2, mode="wrap")
+    return (field - field.mean()) / field.std()
+
+
+def _write(folder: Path, images, seed: int) -> None:
+    folder.mkdir(parents=True)
+    rng = np.random.default_rng(seed)
+    for band, radiance in images.items():
+        calibration = default_calibration(band)
+        noise = rng.standard_normal(SHAPE) * _noise(calibration, radiance)
+        seen = np.asarray(radiance, float) + noise
+        write_abi_l1b(folder, band=band, radiance=seen, grid=window(SHAPE))
+
+
+def _noise(calibration, radiance) -> np.ndarray | float:
+    """ABI's requirement: SNR 300 at albedo 1, 0.1 K at 300 K."""
+    if isinstance(calibration, ReflectiveCalibration):
+        return calibration.radiance(np.asarray(1.0)) / 300
+    warm, warmer = (calibration.radiance(np.asarray(t)) for t in (300.0, 300.1))
+    return float(warmer - warm)
+
+
+def _with_weather(seen: Target, weather: Target) -> Target:
+    bands = {
+        b: replace(band, background=weather.bands[b].background)
+        for b, band in seen.bands.items()
+    }
+    return replace(
+        seen,
+        bands=bands,
+        fractions=weather.fractions,
+        latitude_deg=weather.latitude_deg,
+        longitude_deg=weather.longitude_deg,
+    )
