@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from cloudjax_fit.fit import FitResult, FitSettings, SimulatedImage
+from cloudjax_fit.fitting import FitResult, FitSettings, SimulatedImage
 from cloudjax_fit.histogram import distances
 from cloudjax_fit.prepare import Run
 from cloudjax_fit.settings import scene_of

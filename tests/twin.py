@@ -13,10 +13,10 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from cloudjax_data import ReflectiveCalibration, open_folder
-from cloudjax_fit.fit import simulate_image
+from cloudjax_fit.fitting import simulate_image
 from cloudjax_fit.model import build_scene, scene_parameters
 from cloudjax_fit.objective import Problem, pose
-from cloudjax_fit.observe import observe
+from cloudjax_fit.observation import observe
 from cloudjax_fit.parameters import Parameter, put_all, with_overrides
 from cloudjax_fit.target import Target
 from tests.generated import default_calibration, window, write_abi_l1b
@@ -102,7 +102,7 @@ def _weather(folder: Path, seed: int) -> Target:
         b: replace(
             band,
             background=np.full(
-                shape, float(default_calibration(b).radiance(np.asarray(sea[b])))
+                shape, default_calibration(b).radiance(np.array([sea[b]])).item()
             ),
         )
         for b, band in first.bands.items()
@@ -120,17 +120,16 @@ def _write(folder: Path, images, seed: int) -> None:
     rng = np.random.default_rng(seed)
     for band, radiance in images.items():
         calibration = default_calibration(band)
-        noise = rng.standard_normal(SHAPE) * _noise(calibration, radiance)
+        noise = rng.standard_normal(SHAPE) * _noise(calibration)
         seen = np.asarray(radiance, float) + noise
         write_abi_l1b(folder, band=band, radiance=seen, grid=window(SHAPE))
 
 
-def _noise(calibration, radiance) -> np.ndarray | float:
+def _noise(calibration) -> float:
     """ABI's requirement: SNR 300 at albedo 1, 0.1 K at 300 K."""
     if isinstance(calibration, ReflectiveCalibration):
-        return calibration.radiance(np.asarray(1.0)) / 300
-    warm, warmer = (calibration.radiance(np.asarray(t)) for t in (300.0, 300.1))
-    return float(warmer - warm)
+        return calibration.radiance(np.ones(1)).item() / 300
+    return np.diff(calibration.radiance(np.array([300.0, 300.1]))).item()
 
 
 def _with_weather(seen: Target, weather: Target) -> Target:

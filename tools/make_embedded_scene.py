@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from cloudjax_data import open_folder
-from cloudjax_fit.observe import observe
+from cloudjax_fit.observation import observe
 from cloudjax_fit.target_file import write_target
 
 

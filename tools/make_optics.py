@@ -1,7 +1,7 @@
 """Print the table of `cloudjax.optics`: make_optics.py FOLDER
 
-FOLDER holds the coefficients of Hu & Stamnes (1993) for water and of Fu (1996) and Fu et
-al. (1998) for ice, in the layout of libRadtran's data files. Values are taken at
+FOLDER holds the coefficients of Hu & Stamnes (1993) for water and of Fu (1996) and
+Fu et al. (1998) for ice, in the layout of libRadtran's data files. Values are taken at
 the centre of each ABI band, by linear interpolation in wavelength, for droplets of
 effective radius 10 µm and crystals of generalised effective size 60 µm.
 """

@@ -1,8 +1,7 @@
 """Fits of cloud parameters to observed radiance histograms, and their reports.
 
 What `__init__.pyi` lists is imported when it is first asked for, so that the command
-line starts without jax. The functions `fit` and `observe` are in the modules of their
-names: a package cannot hold a module and a function under one name.
+line starts without jax.
 """
 
 import lazy_loader

@@ -1,11 +1,14 @@
+from .analysis import Analysis as Analysis
 from .embedded import embedded_target as embedded_target
-from .fit import FitResult as FitResult
-from .fit import FitSettings as FitSettings
-from .fit import SimulatedImage as SimulatedImage
+from .fitting import FitResult as FitResult
+from .fitting import FitSettings as FitSettings
+from .fitting import SimulatedImage as SimulatedImage
+from .fitting import fit as fit
 from .histogram import Distances as Distances
 from .histogram import Quantiles as Quantiles
 from .histogram import distances as distances
 from .histogram import quantiles as quantiles
+from .observation import observe as observe
 from .output import write_fit as write_fit
 from .parameter_file import read_parameters as read_parameters
 from .parameters import Parameter as Parameter

@@ -1,6 +1,5 @@
 """What a weather analysis gives a scene: winds, temperatures, and where clouds are."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -9,13 +8,13 @@ from jaxtyping import Float
 
 from cloudjax import (
     Conditions,
+    LatLonGrid,
     Scene,
     TemperatureProfile,
     cloud_classes,
     cloud_fraction,
 )
 from cloudjax.advection import DisplacementMap, Wind, displacement_map
-from cloudjax.weather import LatLonGrid
 from cloudjax_data import WeatherCube
 
 from .target import Target
@@ -38,25 +37,21 @@ class Analysis:
     cube: WeatherCube
     hours: float = DISPLACEMENT_HOURS
 
-    def displacements(self, scene: Scene) -> list[Sequence[DisplacementMap] | None]:
-        """For each layer one map per texture, in the wind at its sampling altitude.
+    def displacements(self, scene: Scene) -> list[DisplacementMap | None]:
+        """For each layer the map of the wind at its sampling altitude.
 
         None for a regional analysis: the air of a few hours ago is outside of it.
         """
         if not self.cube.is_global:
             return [None] * len(scene.layers)
         classes = cloud_classes()
-        maps = [
+        return [
             displacement_map(
-                _wind(self.cube, classes[layer.name].sampling_altitude_m),
+                _wind(self.cube, float(classes[layer.name].sampling_altitude_m)),
                 hours=self.hours,
                 resolution_deg=1.0,
             )
             for layer in scene.layers
-        ]
-        return [
-            [one] * len(layer.cloud.fractals)
-            for one, layer in zip(maps, scene.layers, strict=True)
         ]
 
     def temperature(self, target: Target) -> TemperatureProfile:
@@ -66,7 +61,10 @@ class Analysis:
         means = []
         for altitude in _PROFILE_M:
             field = self._regular.at_altitude(altitude)["t"].to_numpy()
-            means.append(np.nanmean(grid.sample(field[..., None], φ, λ)))
+            over = grid.sample(field[..., None], φ, λ)
+            means.append(
+                over[np.isfinite(over)].mean() if np.isfinite(over).any() else np.nan
+            )
         known = np.isfinite(means)
         return TemperatureProfile(
             jnp.asarray(_PROFILE_M[known], float),

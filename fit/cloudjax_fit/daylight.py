@@ -7,7 +7,7 @@ import numpy as np
 from cloudjax.geodesy import up
 from cloudjax_data import AbiBand, sun_direction
 
-from .observe import LOWEST_SUN_DEG, navigation_grid
+from .observation import LOWEST_SUN_DEG, navigation_grid
 
 
 # Along each axis: the sun is smooth, and a megapixel takes a second.

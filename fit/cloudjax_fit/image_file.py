@@ -20,7 +20,7 @@ from cloudjax_data import (
 )
 
 from .figures import BRIGHTNESS_TEMPERATURE, REFLECTANCE, Display
-from .fit import SimulatedImage, versions
+from .fitting import SimulatedImage, versions
 from .netcdf import write_netcdf
 from .staging import staged
 from .target import BandTarget, Target

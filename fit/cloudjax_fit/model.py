@@ -18,6 +18,7 @@ from cloudjax import (
     FractalCloud,
     InvertedWorley,
     Latent,
+    LatLonGrid,
     Layer,
     MaskGrid,
     Particles,
@@ -31,7 +32,6 @@ from cloudjax import (
     View,
     navigate,
 )
-from cloudjax.weather import LatLonGrid
 from cloudjax_data import sun_direction
 
 from .analysis import Analysis
@@ -187,7 +187,8 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
             )
         )
         for i, band in enumerate(target.reflective):
-            parameters += _reflective_air(i, band, scene)
+            path = float(scene.reflective.path[i])
+            parameters += _reflective_air(i, band, path)
     if scene.emissive is not None:
         parameters.append(
             Parameter(
@@ -203,7 +204,7 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
 
 def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
     _, top, scale, extinction = START[layer.name]
-    shell = layer.cloud.shell
+    shell = SHELLS[layer.name]
     low, high = shell.bottom_m + 300, shell.top_m + 500
 
     def of_function(name: str):
@@ -230,8 +231,7 @@ def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
     return [Parameter(f"{layer.name}.{name}", *rest) for name, *rest in rows]
 
 
-def _reflective_air(i: int, band: BandTarget, scene: Scene) -> list[Parameter]:
-    path = float(scene.reflective.path[i])
+def _reflective_air(i: int, band: BandTarget, path: float) -> list[Parameter]:
     return [
         Parameter(f"air.path_{band.name}", lambda s: s.reflective.path, path, -0.1, 0.3,
                   0.01 + 0.5 * path, index=i),

@@ -22,8 +22,8 @@ from .selection import CloudRule
 from .target import Target, block_of_pixels
 
 
-# A residual of 1 is a difference of 1/SCALE between the cumulative histograms, what some
-# thousand independent pixels leave undecided; it weighs as much as one standard
+# A residual of 1 is a difference of 1/SCALE between the cumulative histograms, what
+# some thousand independent pixels leave undecided; it weighs as much as one standard
 # deviation of a prior.
 SCALE = 60.0
 # The covered share of the whole sky is one number beside the bins of a histogram.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from .fit import FitResult, versions
+from .fitting import FitResult, versions
 from .histogram import Distances
 from .image_file import band_title, image_dataset, shown
 from .netcdf import write_netcdf

@@ -10,6 +10,7 @@ Levenberg-Marquardt treats all parameters alike.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -35,7 +36,7 @@ class Parameter:
     """
 
     name: str
-    where: Callable[[Scene], Array]
+    where: Callable[[Any], Array]
     default: float
     lower: float
     upper: float

@@ -18,7 +18,7 @@ from cloudjax_data import (
 
 from .analysis import Analysis
 from .daylight import is_day, sun_heights_deg
-from .observe import observe
+from .observation import observe
 from .selection import BRIGHT, COLD_K
 from .settings import Settings, cloud_rule, read_settings, scene_of, with_options
 from .target import Target

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from cloudjax_data import DataError
 
-from .fit import SimulatedImage, simulate_image
+from .fitting import SimulatedImage, simulate_image
 from .parameter_file import read_parameters
 from .parameters import Parameter, put_all
 from .prepare import Run

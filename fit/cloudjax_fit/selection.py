@@ -7,6 +7,7 @@ histograms are of the same kind of pixel and the fit has a derivative.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -76,20 +77,22 @@ class CloudRule:
     ) -> Float[Array, " rays"]:
         """The softly selected share of each simulated pixel."""
         clear = jnp.asarray(1.0)
-        if self.bright_band is not None:
+        if self.bright_band is not None and reflective is not None:
             i = reflective.numbers.index(self.bright_band)
-            reflectance = reflective.reflectance(seen.reflective)[i]
+            reflectance = reflective.reflectance(cast(Array, seen.reflective))[i]
             clear = clear * jax.nn.sigmoid(
                 (self.bright_reflectance - reflectance) / BRIGHT_WIDTH
             )
-        if self.cold_band is not None:
+        if self.cold_band is not None and emissive is not None:
             i = emissive.numbers.index(self.cold_band)
             # In radiance, which unlike temperature is smooth down to nothing.
             edge, warmer = (
                 emissive.planck(jnp.asarray(self.cold_temperature_k + step))[i]
                 for step in (0.0, COLD_WIDTH_K)
             )
-            clear = clear * jax.nn.sigmoid((seen.emissive[i] - edge) / (warmer - edge))
+            clear = clear * jax.nn.sigmoid(
+                (cast(Array, seen.emissive)[i] - edge) / (warmer - edge)
+            )
         return 1 - clear
 
 
@@ -107,5 +110,8 @@ def default_rule(bands: list[int], *, day: bool) -> CloudRule:
             f"{'day' if day else 'night'}: add one of {usable}"
         )
     return CloudRule(
-        bright, BRIGHT.get(bright, np.inf), cold, COLD_K.get(cold, -np.inf)
+        bright_band=bright,
+        bright_reflectance=np.inf if bright is None else BRIGHT[bright],
+        cold_band=cold,
+        cold_temperature_k=-np.inf if cold is None else COLD_K[cold],
     )

@@ -26,7 +26,7 @@ from cloudjax import Scene
 from cloudjax_data import DataError
 
 from .analysis import Analysis
-from .fit import FitSettings
+from .fitting import FitSettings
 from .model import build_scene, scene_parameters
 from .parameters import Parameter, with_overrides
 from .selection import BRIGHT, COLD_K, CloudRule, default_rule

@@ -3,10 +3,11 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
-import lineax as lx
+import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
@@ -17,22 +18,6 @@ from .objective import Problem, residuals
 # Of a prior's standard deviation, and of a residual's: a step that changes less is no
 # news beside the noise of either.
 TOLERANCE = 1e-2
-
-
-class LevenbergMarquardt(optx.AbstractGaussNewton):
-    """Levenberg-Marquardt for residuals in float32.
-
-    The trust region grows already where three quarters of the predicted decrease come
-    true: rounding hides the last per cent that optimistix's own asks for, and damping
-    that never relaxes creeps along valleys for hundreds of steps.
-    """
-
-    rtol: float
-    atol: float
-    verbose: Callable[..., None]
-    norm: Callable = optx.max_norm
-    descent: optx.DampedNewtonDescent = optx.DampedNewtonDescent(linear_solver=lx.QR())
-    search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75)
 
 
 OnStep = Callable[[int, float], None]
@@ -74,27 +59,23 @@ class Solver:
         self._losses: list[float] = []
         self._on_step = on_step
         started = time.perf_counter()
-        z = jax.numpy.zeros(len(problem.parameters))
-        self._solve = (
-            eqx.filter_jit(self._least_squares).lower(z, problem, max_steps).compile()
-        )
+        z = jnp.zeros(len(problem.parameters))
         self._max_steps = max_steps
+        compiled: Any = eqx.filter_jit(self._least_squares)
+        self._solve = compiled.lower(z, problem).compile()
         self.compile_seconds = time.perf_counter() - started
 
     def __call__(self, problem: Problem, z: Float[Array, " parameters"]) -> Solution:
         started = time.perf_counter()
         self._losses.clear()
-        solution = self._solve(z, problem, self._max_steps)
-        z = np.asarray(solution.value)
+        found, successful, loss = jax.device_get(self._solve(z, problem))
         jax.effects_barrier()
-        loss = float(0.5 * (residuals(solution.value, problem) ** 2).sum())
-        converged = bool(solution.result == optx.RESULTS.successful)
+        converged, loss = bool(successful), float(loss)
         message = self._in_words(converged)
         if not np.isfinite(loss):
             converged, message = False, "the residuals are not finite"
-        return Solution(
-            z, converged, message, (*self._losses, loss), time.perf_counter() - started
-        )
+        seconds = time.perf_counter() - started
+        return Solution(found, converged, message, (*self._losses, loss), seconds)
 
     def _in_words(self, converged: bool) -> str:
         steps = len(self._losses)
@@ -104,11 +85,18 @@ class Solver:
             return f"not converged in the {steps} steps allowed: allow more"
         return f"the solver broke down after {steps} steps: try another start"
 
-    def _least_squares(self, z, problem, max_steps):
-        solver = LevenbergMarquardt(TOLERANCE, TOLERANCE, self._verbose)
-        return optx.least_squares(
-            residuals, solver, z, args=problem, max_steps=max_steps, throw=False
+    def _least_squares(self, z, problem):
+        solver = _levenberg_marquardt(self._verbose)
+        solution = optx.least_squares(
+            residuals,
+            solver,
+            z,
+            args=problem,
+            max_steps=self._max_steps,
+            throw=False,
         )
+        loss = 0.5 * (residuals(solution.value, problem) ** 2).sum()
+        return solution.value, solution.result == optx.RESULTS.successful, loss
 
     def _verbose(self, **facts):
         jax.debug.callback(
@@ -120,3 +108,15 @@ class Solver:
         self._losses.append(float(loss))
         if self._on_step is not None:
             self._on_step(int(step), float(loss))
+
+
+def _levenberg_marquardt(verbose: Callable[..., None]) -> optx.LevenbergMarquardt:
+    """Levenberg-Marquardt for residuals in float32.
+
+    The trust region grows already where three quarters of the predicted decrease come
+    true: rounding hides the last per cent that optimistix's own asks for, and damping
+    that never relaxes creeps along valleys for hundreds of steps.
+    """
+    solver = optx.LevenbergMarquardt(TOLERANCE, TOLERANCE, verbose=verbose)
+    relaxed = optx.ClassicalTrustRegion(high_cutoff=0.75)
+    return eqx.tree_at(lambda s: s.search, solver, relaxed)

@@ -2,6 +2,21 @@
 
 import importlib.metadata
 
+from .advection import (
+    DisplacementMap as DisplacementMap,
+)
+from .advection import (
+    Wind as Wind,
+)
+from .advection import (
+    displace as displace,
+)
+from .advection import (
+    displacement_map as displacement_map,
+)
+from .advection import (
+    propagate as propagate,
+)
 from .atmosphere import (
     AbstractTemperature as AbstractTemperature,
 )
@@ -29,6 +44,7 @@ from .cloud import (
 from .fixed_grid import FixedGrid as FixedGrid
 from .geodesy import GRS80 as GRS80
 from .geodesy import Ellipsoid as Ellipsoid
+from .latlon_grid import LatLonGrid as LatLonGrid
 from .light import AbstractReflection as AbstractReflection
 from .light import TwoFlux as TwoFlux
 from .optics import ICE as ICE

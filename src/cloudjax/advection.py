@@ -22,7 +22,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from .weather import AnyArray, LatLonGrid, Scalar, weighted_nodes
+from .latlon_grid import AnyArray, LatLonGrid, Scalar, weighted_nodes
 
 
 Velocity = Callable[[Float[Array, "points 3"], Float[Array, ""]], Array]

@@ -10,6 +10,8 @@ the first weight at 1; and since a and h move the barriers as z_b and z_t do, a 
 as well.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -106,7 +108,7 @@ class Latent(eqx.Module):
     share: Float[Array, ""]
 
     @staticmethod
-    def gauss_hermite(count: int = 3, share: float = 0.8) -> "Latent":
+    def gauss_hermite(count: int = 3, share: float = 0.95) -> "Latent":
         nodes, weights = np.polynomial.hermite_e.hermegauss(count)
         return Latent(
             jnp.asarray(nodes, float),
@@ -194,18 +196,14 @@ class FractalCloud(AbstractCloudSource):
         )
 
     def navigate(self, rays: Rays, mask=None, displacements=None) -> FractalPath:
-        """Ways of rays through the shell, on the host in float64.
-
-        **Arguments:**
-
-        - `mask`: a callable from latitude and longitude in degrees to w; none is 0.
-        - `displacements`: one displacement map per texture, or None for still air.
-        """
+        """Ways of rays through the shell, on the host in float64."""
         chord = chords(rays, self.shell)
         entry = rays.at(chord.entry_m)
         leave = rays.at(chord.entry_m + chord.length_m)
         periods = np.asarray(self.length_scales_m)
-        maps = displacements or [None] * len(periods)
+        maps = displacements
+        if not isinstance(maps, Sequence):
+            maps = [displacements] * len(periods)
         sources = np.stack([_source(entry, m) for m in maps], axis=1)
         sinks = np.stack([_source(leave, m) for m in maps], axis=1)
         strain = None
@@ -269,7 +267,7 @@ class FractalCloud(AbstractCloudSource):
         shifted = value[None] + (self.latent.nodes * shift)[:, None, None]
         widths = jnp.clip(shifted / width, -_MAX_WIDTHS, _MAX_WIDTHS)
         gradient = None
-        if samples.texture_gradients is not None:
+        if samples.texture_gradients is not None and samples.up is not None:
             gradient = f.gradient(
                 samples.texture_gradients, samples.altitude_m, samples.up
             )

@@ -73,7 +73,7 @@ def geodetic(
     e2 = ellipsoid.eccentricity_squared
     x, y, z = np.moveaxis(position_m, -1, 0)
     rho = np.hypot(x, y)
-    β = np.arctan2(z * a, rho * b)
+    φ = β = np.arctan2(z * a, rho * b)
     for _ in range(3):
         φ = np.arctan2(
             z + e2 * a**2 / b * np.sin(β) ** 3, rho - e2 * a * np.cos(β) ** 3

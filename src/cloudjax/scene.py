@@ -7,6 +7,7 @@ tile.
 """
 
 from collections.abc import Sequence
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -103,7 +104,7 @@ def navigate(
 
     - `sun_direction`: unit vector from the Earth to the sun, ECEF.
     - `masks`: for each layer a callable (latitude, longitude) → w, or None.
-    - `displacements`: for each layer one displacement map per texture, or None.
+    - `displacements`: for each layer a displacement map, or one per texture, or None.
     """
     none = [None] * len(scene.layers)
     ground, _ = rays.ground()
@@ -139,7 +140,7 @@ def radiances(
         for layer, own, way in zip(scene.layers, samples, view.ways, strict=True)
     )
     reflective = emissive = None
-    if scene.reflective is not None:
+    if scene.reflective is not None and background.reflective is not None:
         bands = scene.reflective
         parts = [
             _reflected(scene, layer, view, own, passed)
@@ -161,7 +162,7 @@ def _reflected(scene, layer: Layer, view: View, samples, passed: March):
     surface = first_surface(
         passed.absorbed(layer.extinction_per_m),
         samples.distance_m,
-        passed.gradient,
+        cast(Array, passed.gradient),  # sampled wherever there are reflective bands
         samples.up,
     )
     facing = jnp.sum(surface.normal * view.sun_direction[:, None, None], axis=0)

@@ -6,6 +6,8 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from .rays import Rays
+
 
 class Occupancy(eqx.Module):
     """How much of each step of each ray is cloud.
@@ -31,8 +33,19 @@ class AbstractCloudSource(eqx.Module):
     """
 
     @abc.abstractmethod
-    def navigate(self, rays) -> Any:
-        """The ways of rays through the source, on the host in float64."""
+    def make_textures(self, footprint_m: float, resolution: int) -> tuple:
+        """The data that `sample` reads, averaged over pixels of a width."""
+
+    @abc.abstractmethod
+    def navigate(self, rays: Rays, mask=None, displacements=None) -> Any:
+        """The ways of rays through the source, on the host in float64.
+
+        **Arguments:**
+
+        - `mask`: a callable from latitude and longitude in degrees to w; none is 0.
+        - `displacements`: one displacement map, or one for each texture; None for
+          still air.
+        """
 
     @abc.abstractmethod
     def sample(self, way, textures, *, steps: int, with_gradient: bool) -> Any:

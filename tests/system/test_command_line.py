@@ -14,7 +14,7 @@ import xarray as xr
 from click.testing import CliRunner, Result
 
 from cloudjax_fit.cli import main
-from cloudjax_fit.fit import FitSettings
+from cloudjax_fit.fitting import FitSettings
 from cloudjax_fit.prepare import Run, prepare
 from tests.fit_results import made_up_result
 from tests.generated import SCAN_START

@@ -14,7 +14,7 @@ def doctor() -> int:
     import jax
 
     from cloudjax_fit.doctor import derivative_error
-    from cloudjax_fit.fit import versions
+    from cloudjax_fit.fitting import versions
 
     for name, version in {"python": platform.python_version(), **versions()}.items():
         click.echo(f"{name:<12}{version}")

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from cloudjax_fit.analysis import Analysis
-from cloudjax_fit.fit import FitResult, FitSettings, fit
+from cloudjax_fit.fitting import FitResult, FitSettings, fit
 from cloudjax_fit.output import REPORT, Images, cloud_fractions, write_fit
 from cloudjax_fit.target import Target
 

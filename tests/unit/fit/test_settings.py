@@ -7,7 +7,7 @@ import pytest
 from tests.scenes import write_scene
 
 from cloudjax_data import DataError
-from cloudjax_fit.fit import FitSettings
+from cloudjax_fit.fitting import FitSettings
 from cloudjax_fit.prepare import prepare
 from cloudjax_fit.selection import CloudRule
 from cloudjax_fit.settings import (
