@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
 
-.PHONY: demo test test-slow lint check clean
+.PHONY: demo test test-slow lint check bench-tradeoff clean
 
 demo: $(VENV)/installed
 	$(BIN)/cloudjax demo -o out/demo
@@ -23,6 +23,9 @@ lint: $(VENV)/installed-dev
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 check: lint test
+
+bench-tradeoff: $(VENV)/installed
+	$(BIN)/python benchmarks/tradeoff.py -o out/tradeoff
 
 $(BIN)/python:
 	PYTHON="$(PYTHON)" tools/make_venv.sh $(VENV)

@@ -1,0 +1,208 @@
+"""What accuracy costs on this machine: python benchmarks/tradeoff.py [-o DIR]
+
+The embedded scene is fitted with several numbers of rays, and the scene of the last fit
+is rendered with several numbers of steps and voxels. Writes tradeoff.json, tradeoff.md
+(tables) and tradeoff.png to DIR. Times of renderings are medians of warm, interleaved
+repeats; each fit is done once.
+"""
+
+import argparse
+import dataclasses
+import json
+import os
+import platform
+import statistics
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+from matplotlib.figure import Figure
+
+from cloudjax import Scene, render
+from cloudjax_fit.embedded import embedded_target
+from cloudjax_fit.fitting import FitResult, FitSettings, fit, versions
+from cloudjax_fit.histogram import distances
+from cloudjax_fit.model import look
+from cloudjax_fit.objective import make_textures, stacked
+from cloudjax_fit.target import Target
+
+
+RAYS = (1024, 2048, 4096, 8192)
+STEPS = (6, 12, 24, 48, 96)
+RESOLUTIONS = (128, 256)
+REFERENCE = (192, 256)
+REPEATS = 3
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/tradeoff"))
+    folder = parser.parse_args().output
+    folder.mkdir(parents=True, exist_ok=True)
+    target = embedded_target()
+    fits, scene = run_fits(target)
+    found = {
+        "machine": f"{os.cpu_count()} cores, {platform.machine()}",
+        "device": jax.devices()[0].device_kind,
+        "versions": versions(),
+        "pixels": list(target.grid.shape),
+        "bands": list(target.bands),
+        "fits": fits,
+        "renderings": run_renderings(target, scene),
+    }
+    (folder / "tradeoff.json").write_text(json.dumps(found, indent=2) + "\n")
+    (folder / "tradeoff.md").write_text(tables(found), encoding="utf-8")
+    draw(found, folder / "tradeoff.png")
+    print(tables(found))
+
+
+def run_fits(target: Target) -> tuple[list[dict], Scene]:
+    rows = []
+    for rays in RAYS:
+        result = fit(target, settings=FitSettings(rays=rays))
+        rows.append(_fit_row(rays, result))
+        print(rows[-1], flush=True)
+    return rows, result.scene
+
+
+def _fit_row(rays: int, result: FitResult) -> dict:
+    return {
+        "rays": rays,
+        "converged": result.converged,
+        "steps": len(result.history) - 1,
+        "seconds": result.seconds,
+        "w1_over_std": {n: d.w1_over_std for n, d in result.distances_fit.items()},
+    }
+
+
+def run_renderings(target: Target, scene: Scene) -> list[dict]:
+    """Each case once for its image and to compile, then all of them in turns."""
+    every = target.grid.rays()
+    _, hit = every.ground(target.grid.ellipsoid)
+    view, background = look(scene, target, every[hit])
+    textures = {n: make_textures(scene, target, n) for n in RESOLUTIONS}
+
+    def run(steps: int, resolution: int) -> np.ndarray:
+        seen = render(with_steps(scene, steps), view, textures[resolution], background)
+        return np.asarray(stacked(seen), np.float64)
+
+    truth = run(*REFERENCE)
+    cases = [(steps, resolution) for resolution in RESOLUTIONS for steps in STEPS]
+    rows = [
+        {"steps": steps, "resolution": resolution}
+        | _errors(target, run(steps, resolution), truth)
+        for steps, resolution in cases
+    ]
+    seconds = {case: [] for case in cases}
+    for _ in range(REPEATS):
+        for case in cases:
+            started = time.perf_counter()
+            run(*case)
+            seconds[case].append(time.perf_counter() - started)
+    for row, case in zip(rows, cases, strict=True):
+        row["seconds"] = statistics.median(seconds[case])
+        print(row, flush=True)
+    return rows
+
+
+def with_steps(scene: Scene, steps: int) -> Scene:
+    layers = tuple(dataclasses.replace(layer, steps=steps) for layer in scene.layers)
+    return dataclasses.replace(scene, layers=layers)
+
+
+def _errors(target: Target, image: np.ndarray, truth: np.ndarray) -> dict:
+    """Of all pixels, over the standard deviation of the reference."""
+    bands = [b.number for b in [*target.reflective, *target.emissive]]
+    rmse = np.sqrt(((image - truth) ** 2).mean(1)) / truth.std(1)
+    w1 = [
+        distances(known, seen).w1_over_std
+        for seen, known in zip(image, truth, strict=True)
+    ]
+    return {
+        "rmse_over_std": dict(zip(bands, rmse.tolist(), strict=True)),
+        "w1_over_std": dict(zip(bands, w1, strict=True)),
+    }
+
+
+# The outcome --------------------------------------------------------------------------
+
+
+def tables(found: dict) -> str:
+    names = [f"C{n:02d}" for n in found["bands"]]
+    fits = [
+        [f["rays"], f["steps"], "yes" if f["converged"] else "no"]
+        + [f"{f['seconds'][k]:.0f}" for k in ("compile", "solve", "total")]
+        + [f"{w:.3f}" for w in f["w1_over_std"].values()]
+        for f in found["fits"]
+    ]
+    renderings = [
+        [r["steps"], f"{r['resolution']}³", f"{r['seconds']:.2f}"]
+        + [f"{e:.3f}" for e in r["rmse_over_std"].values()]
+        + [f"{e:.4f}" for e in r["w1_over_std"].values()]
+        for r in found["renderings"]
+    ]
+    return "\n".join(
+        [
+            *_table(
+                ["rays", "solver steps", "converged", "compile s", "solve s", "total s"]
+                + [f"W1/std {name}" for name in names],
+                fits,
+            ),
+            "",
+            *_table(
+                ["march steps", "voxels", "render s"]
+                + [f"RMSE/std {name}" for name in names]
+                + [f"W1/std {name}" for name in names],
+                renderings,
+            ),
+            "",
+        ]
+    )
+
+
+def _table(head: list[str], rows: list[list]) -> list[str]:
+    lines = [head, ["--:"] * len(head), *rows]
+    return ["| " + " | ".join(map(str, line)) + " |" for line in lines]
+
+
+def draw(found: dict, path: Path) -> None:
+    figure = Figure(figsize=(9, 3.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for colour, number in zip(("C0", "C1", "C3"), found["bands"], strict=False):
+        for resolution, line in zip(RESOLUTIONS, ("-", "--"), strict=True):
+            rows = [r for r in found["renderings"] if r["resolution"] == resolution]
+            left.loglog(
+                [r["seconds"] for r in rows],
+                [r["rmse_over_std"][number] for r in rows],
+                line,
+                color=colour,
+                marker="o",
+                markersize=3,
+                label=f"C{number:02d}, {resolution}³",
+            )
+        right.loglog(
+            [f["seconds"]["solve"] for f in found["fits"]],
+            [f["w1_over_std"][number] for f in found["fits"]],
+            color=colour,
+            marker="o",
+            markersize=3,
+            label=f"C{number:02d}",
+        )
+    steps, resolution = REFERENCE
+    left.set(
+        xlabel=f"rendering, s ({', '.join(map(str, STEPS))} steps)",
+        ylabel=f"pixel RMSE/std against {steps} steps, {resolution}³",
+    )
+    right.set(
+        xlabel=f"solving, s ({', '.join(map(str, RAYS))} rays)",
+        ylabel="W1/std of the fitted image",
+    )
+    for axes in (left, right):
+        axes.grid(alpha=0.3, which="both")
+        axes.legend(fontsize=7)
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    main()
