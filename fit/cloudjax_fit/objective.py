@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from cloudjax import BandRadiances, Scene, View, radiances, sample
 
 from .analysis import Analysis
-from .histogram import Bins, cumulative, linear_histogram
+from .histogram import Bins, cumulative, spline_histogram
 from .model import look
 from .parameters import Parameter, put_all, values_of
 from .selection import CloudRule
@@ -94,7 +94,7 @@ def residuals(
     """Of the histograms band by band, of the coverage, and of the priors."""
     values = values_of(problem.parameters, z)
     seen, weights = simulate(problem, values)
-    histogram = jax.vmap(linear_histogram, (0, None, 0))(seen, weights, problem.bins)
+    histogram = jax.vmap(spline_histogram, (0, None, 0))(seen, weights, problem.bins)
     shape = SCALE * (jax.vmap(cumulative)(histogram) - problem.observed)
     surprise = [p.surprise(values[i]) for i, p in enumerate(problem.parameters)]
     return jnp.concatenate(
@@ -166,7 +166,7 @@ def pose(
 def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
     """Cumulative histograms, deposited as the simulated ones are."""
     values = jnp.stack([jnp.asarray(b.quantiles.equal_weights(), float) for b in bands])
-    deposit = jax.vmap(linear_histogram, (0, None, 0))
+    deposit = jax.vmap(spline_histogram, (0, None, 0))
     return jax.vmap(cumulative)(deposit(values, jnp.ones(values.shape[1]), bins))
 
 

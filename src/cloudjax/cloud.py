@@ -108,7 +108,7 @@ class Latent(eqx.Module):
     share: Float[Array, ""]
 
     @staticmethod
-    def gauss_hermite(count: int = 3, share: float = 0.95) -> "Latent":
+    def gauss_hermite(count: int = 3, share: float = 0.8) -> "Latent":
         nodes, weights = np.polynomial.hermite_e.hermegauss(count)
         return Latent(
             jnp.asarray(nodes, float),

@@ -11,9 +11,9 @@ from cloudjax_fit.histogram import (
     Quantiles,
     cumulative,
     distances,
-    linear_histogram,
     quantiles,
     sample_of,
+    spline_histogram,
 )
 
 
@@ -30,31 +30,44 @@ def _pixels(n, low=1.0, high=9.0):
 @pytest.mark.parametrize("n", [1, 1000, 10_000])
 def test_mass_is_conserved_even_outside(n):
     values, weights = _pixels(n, -20.0, 30.0)
-    histogram = linear_histogram(values, weights, BINS)
+    histogram = spline_histogram(values, weights, BINS)
     assert (histogram >= 0).all()
     np.testing.assert_allclose(histogram.sum(), weights.sum(), rtol=2e-6)
 
 
 def test_mean_is_preserved_in_the_interior():
     values, weights = _pixels(1000)
-    histogram = linear_histogram(values, weights, BINS)
+    histogram = spline_histogram(values, weights, BINS)
     np.testing.assert_allclose(
         (histogram * BINS.centers).sum(), (weights * values).sum(), rtol=1e-5
     )
 
 
-def test_values_outside_go_to_the_edge_bins():
+def test_values_outside_go_to_the_last_bins():
     values = jnp.array([-5.0, 0.0, 10.0, 99.0, jnp.inf, -jnp.inf])
-    histogram = linear_histogram(values, jnp.ones(6), BINS)
-    assert histogram[0] == histogram[-1] == 3
-    assert histogram.sum() == 6
+    histogram = np.asarray(spline_histogram(values, jnp.ones(6), BINS))
+    np.testing.assert_allclose(histogram[:3], [3 / 8, 18 / 8, 3 / 8], rtol=1e-6)
+    np.testing.assert_allclose(histogram[-3:], [3 / 8, 18 / 8, 3 / 8], rtol=1e-6)
+    assert not histogram[3:-3].any()
 
 
-def test_a_value_on_a_centre_fills_that_bin():
-    centers = BINS.centers
-    np.testing.assert_allclose(
-        linear_histogram(centers, jnp.ones_like(centers), BINS), 1.0, atol=1e-5
+def test_a_value_on_a_centre_is_shared_with_its_neighbours():
+    histogram = spline_histogram(BINS.centers[9:10], jnp.ones(1), BINS)
+    np.testing.assert_allclose(histogram[8:11], [1 / 8, 3 / 4, 1 / 8], atol=1e-5)
+
+
+def test_the_derivative_is_continuous_across_a_bin_edge():
+    """Half way between centres the nearest bin changes, and the slope must not."""
+
+    def right_bin(value):
+        return spline_histogram(value[None], jnp.ones(1), BINS)[7]
+
+    edge = BINS.edges[7]
+    before, after = (
+        jax.grad(right_bin)(edge + side * 1e-4 * BINS.width) for side in (-1, 1)
     )
+    np.testing.assert_allclose(before, after, rtol=1e-3)
+    assert before > 0
 
 
 def _objective(n):
@@ -64,7 +77,7 @@ def _objective(n):
     def residual(y):
         simulated = y[0] * values + y[1]
         weights = jax.nn.sigmoid((simulated - 4.0) * y[2])
-        return cumulative(linear_histogram(simulated, weights, BINS))
+        return cumulative(spline_histogram(simulated, weights, BINS))
 
     return residual, jnp.array([0.9, 0.3, 2.0])
 
@@ -91,20 +104,21 @@ def test_gradient_is_the_central_difference():
 
 def test_gradient_of_one_pixel_is_exact_within_a_bin():
     def right_bin(value):
-        return linear_histogram(value[None], jnp.array([2.0]), BINS)[7]
+        return spline_histogram(value[None], jnp.array([2.0]), BINS)[7]
 
     value = BINS.centers[6] + 0.3 * BINS.width
     slope = jax.grad(right_bin)(value)
-    np.testing.assert_allclose(slope, 2.0 / BINS.width, rtol=1e-6)
+    # d/dx of 2 (1/2 + x)² / 2 at x = 0.3 bins
+    np.testing.assert_allclose(slope, 2.0 * 0.8 / BINS.width, rtol=1e-5)
 
 
 def test_one_compilation_serves_bands_by_vmap():
     values, weights = _pixels(500)
     both = Bins(jnp.array([0.0, -5.0]), jnp.array([10.0, 20.0]), 16)
-    stacked = jax.vmap(linear_histogram, (0, None, 0))(
+    stacked = jax.vmap(spline_histogram, (0, None, 0))(
         jnp.stack([values, 2 * values]), weights, both
     )
-    second = linear_histogram(2 * values, weights, Bins(-5.0, 20.0, 16))
+    second = spline_histogram(2 * values, weights, Bins(-5.0, 20.0, 16))
     np.testing.assert_allclose(stacked[1], second, rtol=1e-6)
     assert both.centers.shape == (2, 16)
 
@@ -112,14 +126,14 @@ def test_one_compilation_serves_bands_by_vmap():
 @pytest.mark.parametrize("bad", [jnp.nan, jnp.inf, -jnp.inf, 3e38])
 def test_pixels_of_no_weight_poison_nothing(bad):
     values, weights = _pixels(100)
-    expected = cumulative(linear_histogram(values, weights, BINS))
+    expected = cumulative(spline_histogram(values, weights, BINS))
     values, weights = jnp.append(values, bad), jnp.append(weights, 0.0)
 
     def moment(values, weights):
-        return (cumulative(linear_histogram(values, weights, BINS)) ** 2).sum()
+        return (cumulative(spline_histogram(values, weights, BINS)) ** 2).sum()
 
     np.testing.assert_allclose(
-        cumulative(linear_histogram(values, weights, BINS)), expected, atol=1e-6
+        cumulative(spline_histogram(values, weights, BINS)), expected, atol=1e-6
     )
     for gradient in jax.grad(moment, (0, 1))(values, weights):
         assert jnp.isfinite(gradient).all()
@@ -128,7 +142,7 @@ def test_pixels_of_no_weight_poison_nothing(bad):
 
 
 def test_a_nan_of_positive_weight_cannot_hide():
-    histogram = linear_histogram(jnp.array([1.0, jnp.nan]), jnp.ones(2), BINS)
+    histogram = spline_histogram(jnp.array([1.0, jnp.nan]), jnp.ones(2), BINS)
     assert jnp.isnan(histogram).any()
 
 
@@ -143,17 +157,17 @@ def test_an_empty_histogram_has_finite_gradients(total):
 
 def test_cumulative_rises_to_one_and_measures_w1():
     values, weights = _pixels(20_000)
-    a = cumulative(linear_histogram(values, weights, BINS))
-    b = cumulative(linear_histogram(values + 0.7, weights, BINS))
+    a = cumulative(spline_histogram(values, weights, BINS))
+    b = cumulative(spline_histogram(values + 0.4, weights, BINS))
     np.testing.assert_allclose(a[-1], 1.0, rtol=1e-6)
-    np.testing.assert_allclose(abs(a - b).sum() * BINS.width, 0.7, rtol=1e-3)
+    np.testing.assert_allclose(abs(a - b).sum() * BINS.width, 0.4, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
     ("low", "high", "count"), [(0.0, 1.0, 1), (1.0, 1.0, 8), (0.0, math.nan, 8)]
 )
 def test_impossible_bins_are_refused(low, high, count):
-    with pytest.raises(ValueError, match=r"at least 2 bins|high must exceed low"):
+    with pytest.raises(ValueError, match=r"at least 3 bins|high must exceed low"):
         Bins(low, high, count)
 
 
