@@ -208,39 +208,34 @@ def _composite(parts, background, bands):
     return path + gain * source + transmittance * (background - path)
 
 
-@eqx.filter_jit
+# Compiled apart: in one piece XLA would fuse the reads of textures into all that uses
+# them, and repeat them.
+_sample = eqx.filter_jit(sample)
+_radiances = eqx.filter_jit(radiances)
+
+
 def render(
     scene: Scene,
     view: View,
     textures: tuple,
     background: BandRadiances,
     *,
-    tile: int = 2048,
+    tile: int = 4096,
 ) -> BandRadiances:
     """March all rays, a tile that fits the cache at a time.
 
-    The result does not depend on `tile`.
+    The tiles are a loop on the host around compiled functions: within `lax.map` a CPU
+    gives each operation one core only. The result does not depend on `tile`.
     """
     rays = view.vertical.shape[0]
-    tiles = -(-rays // tile)
-
-    def split(x):
-        # Copies of the last ray fill up: rays of zeros would spoil gradients with NaN.
-        missing = [(0, tiles * tile - rays)] + [(0, 0)] * (x.ndim - 1)
-        padded = jnp.pad(x, missing, mode="edge")
-        return padded.reshape(tiles, tile, *x.shape[1:])
-
-    def one(inputs):
-        ways, vertical, behind = inputs
-        part = View(ways, view.sun_direction, vertical)
-        behind = jax.tree.map(jnp.transpose, behind)
-        # Without the barrier XLA fuses the reads of textures into all that uses them
-        # and repeats them.
-        samples = jax.lax.optimization_barrier(sample(scene, part, textures))
-        return radiances(scene, part, samples, behind)
-
-    by_ray = (view.ways, view.vertical, jax.tree.map(jnp.transpose, background))
-    seen = jax.lax.map(one, jax.tree.map(split, by_ray))
-    return jax.tree.map(
-        lambda x: jnp.moveaxis(x, 1, 0).reshape(x.shape[1], -1)[:, :rays], seen
-    )
+    tile = min(tile, rays)
+    parts = []
+    for start in range(0, rays, tile):
+        # Copies of the last ray fill the last tile up, so that one compilation serves.
+        index = np.minimum(np.arange(start, start + tile), rays - 1)
+        ways = jax.tree.map(lambda x, index=index: x[index], view.ways)
+        part = View(ways, view.sun_direction, view.vertical[index])
+        behind = jax.tree.map(lambda x, index=index: x[:, index], background)
+        samples = _sample(scene, part, textures)
+        parts.append(_radiances(scene, part, samples, behind))
+    return jax.tree.map(lambda *x: jnp.concatenate(x, axis=1)[:, :rays], *parts)
