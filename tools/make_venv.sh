@@ -9,14 +9,15 @@ python=${PYTHON:-python3}
     echo "cloudjax needs Python 3.11 or later, and $python is $("$python" -V 2>&1)." >&2
     exit 2
 }
-"$python" -m venv "$dir" 2>/dev/null && exit 0
+"$python" -m venv "$dir" >/dev/null 2>&1 && exit 0
 rm -rf "$dir"
 
 version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
 package="python$version-venv"
 if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
     echo "Installing $package, which this Python lacks."
-    apt-get update -qq && apt-get install -y -qq "$package"
+    export DEBIAN_FRONTEND=noninteractive
+    apt-get update -qq && apt-get install -y -qq "$package" >/dev/null
     exec "$python" -m venv "$dir"
 fi
 echo "This Python cannot make virtual environments: run 'sudo apt-get install $package', then make again." >&2
