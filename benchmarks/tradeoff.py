@@ -201,8 +201,8 @@ def draw(found: dict, path: Path) -> None:
                 markersize=3,
                 label=f"C{number:02d}, {resolution}³",
             )
-        right.loglog(
-            [f["solve_seconds"] for f in found["fits"]],
+        right.plot(
+            [f["rays"] for f in found["fits"]],
             [f["w1_over_std"][number] for f in found["fits"]],
             color=colour,
             marker="o",
@@ -214,12 +214,13 @@ def draw(found: dict, path: Path) -> None:
         xlabel=f"rendering, s ({', '.join(map(str, STEPS))} steps)",
         ylabel=f"pixel RMSE/std against {steps} steps, {resolution}³",
     )
-    right.set(
-        xlabel=f"solving, s ({', '.join(map(str, RAYS))} rays)",
-        ylabel="W1/std of the fitted image",
-    )
+    right.set(xlabel="rays", ylabel="W1/std of the fitted image", xscale="log")
+    right.set_xticks(RAYS, map(str, RAYS))
+    right.set_ylim(bottom=0)
+    left.set_xticks((0.5, 1, 2, 5, 10), ("0.5", "1", "2", "5", "10"))
     for axes in (left, right):
-        axes.grid(alpha=0.3, which="both")
+        axes.xaxis.set_minor_formatter("")
+        axes.grid(alpha=0.3)
         axes.legend(fontsize=7)
     figure.savefig(path, dpi=110, metadata={"Software": None})
 
