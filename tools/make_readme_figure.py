@@ -53,7 +53,8 @@ def _draw_band(axes, band, images, weights) -> None:
     observed = shown(band.quantiles.equal_weights(), band)[0]
     simulated = values[1][0].ravel()
     use = weights > 0
-    edges = np.linspace(*np.percentile(observed, [0.1, 99.9]), 50)
+    first, last = np.percentile(observed, [0.1, 99.9])
+    edges = np.linspace(first, last, 50)
     axes[2].hist(observed, edges, density=True, color="#c3c8ce", label="observed")
     axes[2].hist(
         simulated[use],
