@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from cloudjax_data import (
     AbiScene,
+    DataError,
     SceneFolder,
     check_time,
     open_folder,
@@ -54,6 +55,7 @@ def prepare(
     bands: Sequence[int] | None = None,
     options: Mapping[str, int | None] | None = None,
     ignore_weather: bool = False,
+    weather_mask: bool = False,
 ) -> Run:
     """Read and check everything that a run of a scene folder needs.
 
@@ -62,6 +64,8 @@ def prepare(
     - `bands`: by default those of `scene.toml`, else those that suit the hour.
     - `options`: of the fit, by the names of `FitSettings`; None leaves one as it is.
     - `ignore_weather`: do not look at the folder's weather files.
+    - `weather_mask`: take where clouds are from the weather, by the paper's Table 1,
+      and not from the imagery.
 
     **Raises:** `DataError` for anything that stands in the way of the run.
     """
@@ -71,6 +75,13 @@ def prepare(
     scene = folder.read(chosen).on_common_grid()
     analysis = None if ignore_weather else read_analysis(folder, scene)
     target = observe(scene, chosen, cloud_rule(settings, chosen))
+    if weather_mask:
+        if analysis is None:
+            raise DataError(
+                f"{folder.path} holds no weather file to take a mask from: add the GFS "
+                "analysis of that hour, or do without --weather-mask."
+            )
+        target = analysis.masked(target)
     # For its errors: better now than after the textures.
     scene_of(settings, target, analysis)
     observed = {number: band.radiance for number, band in scene.bands.items()}

@@ -190,6 +190,18 @@ def test_weather_goes_into_the_fit_unless_it_is_ignored(scene, tmp_path, no_solv
     assert ignored is None
 
 
+def test_a_mask_from_the_weather_needs_a_weather_file(scene, tmp_path, no_solver):
+    refused = run("fit", scene, "-o", tmp_path / "out", "--weather-mask")
+    assert refused.exit_code == 2
+    assert "weather file" in refused.stderr
+    write_weather(scene, SCAN_START)
+    no_solver.run = prepare(scene)
+    assert run("fit", scene, "-o", tmp_path / "out", "--weather-mask").exit_code == 0
+    ((target, *_),) = no_solver
+    # One dry air mass: the humidity of Table 1 is nowhere reached.
+    assert all(fraction.max() < 0.05 for fraction in target.fractions.values())
+
+
 def test_the_demonstration_fits_the_embedded_scene(scene, tmp_path, no_solver):
     no_solver.run = prepare(scene)
     result = run("demo", "-o", tmp_path / "demo", "--starts", "2")

@@ -4,7 +4,12 @@ from pathlib import Path
 
 import click
 
-from .options import bands_option, fit_options, ignore_weather_option
+from .options import (
+    bands_option,
+    fit_options,
+    ignore_weather_option,
+    weather_mask_option,
+)
 
 
 @click.command()
@@ -13,7 +18,8 @@ from .options import bands_option, fit_options, ignore_weather_option
 @click.option("-o", "--output", required=True, metavar="DIR", help="For the results.")
 @fit_options
 @ignore_weather_option
-def fit(scenes, bands, output, ignore_weather, **options) -> int:
+@weather_mask_option
+def fit(scenes, bands, output, ignore_weather, weather_mask, **options) -> int:
     """Fit the clouds of a scene to its radiances.
 
     Writes fit.json, parameters.toml, simulated.nc and report.html to DIR; of several
@@ -34,7 +40,11 @@ def fit(scenes, bands, output, ignore_weather, **options) -> int:
     codes = []
     for scene, folder in folders.items():
         run = prepare(
-            scene, bands=bands, options=options, ignore_weather=ignore_weather
+            scene,
+            bands=bands,
+            options=options,
+            ignore_weather=ignore_weather,
+            weather_mask=weather_mask,
         )
         codes.append(
             fit_and_write(

@@ -37,6 +37,12 @@ ignore_weather_option = click.option(
     help="Go on without the weather files of the scene, however far from its time.",
 )
 
+weather_mask_option = click.option(
+    "--weather-mask",
+    is_flag=True,
+    help="Take where clouds are from the weather file, not from the imagery.",
+)
+
 # Checked with those of scene.toml, by the same rules.
 _FIT_OPTIONS = (
     click.option("--rays", type=int, help="Pixels simulated at each step."),
