@@ -20,7 +20,6 @@ class ReflectiveBands(eqx.Module):
 
     - `numbers`: of the bands.
     - `reflectance_per_radiance`: κ₀ = π d² / E_sun.
-    - `co_albedo`: 1 - ω of the cloud's particles.
     - `path`: reflectance factor of the air above the cloud.
     - `gain`: transmittance of that air, both ways, and the calibration.
     """
