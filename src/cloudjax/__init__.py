@@ -32,6 +32,7 @@ from .bands import (
 from .bands import (
     ReflectiveBands as ReflectiveBands,
 )
+from .camera import Camera as Camera
 from .cloud import (
     CloudFunction as CloudFunction,
 )

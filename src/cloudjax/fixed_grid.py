@@ -4,10 +4,26 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from .geodesy import GRS80, Ellipsoid
+from .geodesy import GRS80, Ellipsoid, ecef, up
 from .rays import Rays
+
+
+# PUG volume 3, section 5.1.2: pixels of the full disc by resolution in kilometres; a
+# kilometre is 28 microradians. 10 km pixels do not divide the 2 km disc: its files have
+# one more on each side than fit.
+FULL_DISC_PIXELS = {0.5: 21696, 1.0: 10848, 2.0: 5424, 4.0: 2712, 10.0: 1086}
+RAD_PER_KM = 28e-6
+# The regional sectors by their widths and centres, east and north.
+CONUS_RAD = (0.14, 0.084)
+CONUS_CENTRE_RAD = (-0.03136, 0.08624)
+PACUS_CENTRE_RAD = (0.0, 0.08624)
+MESO_RAD = (0.028, 0.028)
+# On multiples of 20 km from nadir the pixels of every resolution are those of the full
+# disc. The centres of the sectors that NOAA files hold are such multiples.
+MESO_LATTICE_RAD = 20 * RAD_PER_KM
+GOES_EAST_DEG = -75.0
 
 
 @dataclass(frozen=True)
@@ -29,6 +45,56 @@ class FixedGrid:
     ellipsoid: Ellipsoid = GRS80
     sweep: Literal["x", "y"] = "x"
 
+    @staticmethod
+    def abi_full_disc(
+        resolution_km: float, subsatellite_longitude_deg: float = GOES_EAST_DEG
+    ) -> "FixedGrid":
+        """The full disc of ABI.
+
+        **Arguments:** `resolution_km`: 0.5, 1, 2, 4 or 10.
+        """
+        step = _step_rad(resolution_km)
+        width = FULL_DISC_PIXELS[resolution_km] * step
+        return _sector((width, width), (0.0, 0.0), step, subsatellite_longitude_deg)
+
+    @staticmethod
+    def abi_conus(
+        resolution_km: float, subsatellite_longitude_deg: float = GOES_EAST_DEG
+    ) -> "FixedGrid":
+        """The regional sector of ABI: CONUS from within a degree of 75 W, else PACUS.
+
+        From elsewhere than 137 W it shows the part of the disc that PACUS would, east
+        and west of the sub-satellite meridian alike.
+        """
+        from_east = abs(subsatellite_longitude_deg - GOES_EAST_DEG) <= 1
+        return _sector(
+            CONUS_RAD,
+            CONUS_CENTRE_RAD if from_east else PACUS_CENTRE_RAD,
+            _step_rad(resolution_km),
+            subsatellite_longitude_deg,
+        )
+
+    @staticmethod
+    def abi_meso(
+        resolution_km: float,
+        latitude_deg: float,
+        longitude_deg: float,
+        subsatellite_longitude_deg: float = GOES_EAST_DEG,
+    ) -> "FixedGrid":
+        """A mesoscale sector of ABI, centred within 10 km (at nadir) of a place.
+
+        Its pixels are those of the full disc.
+
+        **Raises:** `ValueError` where the satellite does not see the place.
+        """
+        step = _step_rad(resolution_km)
+        disc = FixedGrid.abi_full_disc(resolution_km, subsatellite_longitude_deg)
+        centre = [
+            round(angle / MESO_LATTICE_RAD) * MESO_LATTICE_RAD
+            for angle in disc.scan_angles_rad(latitude_deg, longitude_deg)
+        ]
+        return _sector(MESO_RAD, centre, step, subsatellite_longitude_deg)
+
     @property
     def shape(self) -> tuple[int, int]:
         return len(self.y_rad), len(self.x_rad)
@@ -36,41 +102,72 @@ class FixedGrid:
     @property
     def satellite_m(self) -> Float[np.ndarray, "3"]:
         """Where the satellite stands, ECEF."""
-        λ = np.radians(self.subsatellite_longitude_deg)
         distance = self.ellipsoid.semi_major_m + self.perspective_height_m
-        return distance * np.array([np.cos(λ), np.sin(λ), 0.0])
+        return -distance * self._axes[0]
 
-    def rays(self) -> Rays:
-        """Lines of sight of all pixels, row by row: `rays` = y * x."""
-        y, x = np.meshgrid(
-            np.asarray(self.y_rad, np.float64),
-            np.asarray(self.x_rad, np.float64),
-            indexing="ij",
+    @property
+    def _axes(self) -> Float[np.ndarray, "3 3"]:
+        """Unit vectors from the satellite to the Earth's centre, east and north."""
+        λ = np.radians(self.subsatellite_longitude_deg)
+        return np.array(
+            [[-np.cos(λ), -np.sin(λ), 0], [-np.sin(λ), np.cos(λ), 0], [0, 0, 1]]
         )
+
+    def scan_angles_rad(
+        self, latitude_deg: float, longitude_deg: float
+    ) -> tuple[float, float]:
+        """The scan angles x and y of a place on the ground.
+
+        **Raises:** `ValueError` where the satellite does not see it.
+        """
+        φ, λ = np.array([latitude_deg]), np.array([longitude_deg])
+        line = (ecef(φ, λ, np.zeros(1), self.ellipsoid) - self.satellite_m)[0]
+        if line @ up(φ, λ)[0] >= 0:
+            raise ValueError(
+                f"Latitude {latitude_deg} longitude {longitude_deg} cannot be seen "
+                f"from above longitude {self.subsatellite_longitude_deg}."
+            )
+        inward, east, north = self._axes @ line / np.linalg.norm(line)
+        if self.sweep == "x":
+            return float(np.arcsin(east)), float(np.arctan2(north, inward))
+        return float(np.arctan2(east, inward)), float(np.arcsin(north))
+
+    def rays(self, pixels: Int[np.ndarray, " rays"] | None = None) -> Rays:
+        """Lines of sight of the pixels with these flat indices, or of all.
+
+        Flat indices count row by row: `rays` = y * x.
+        """
+        if pixels is None:
+            pixels = np.arange(len(self.y_rad) * len(self.x_rad))
+        row, column = np.divmod(pixels, len(self.x_rad))
+        x = np.asarray(self.x_rad, np.float64)[column]
+        y = np.asarray(self.y_rad, np.float64)[row]
         # The unit vector to the pixel in axes (to the Earth's centre, east, north).
         if self.sweep == "x":
-            inward, east, north = (
-                np.cos(x) * np.cos(y),
-                np.sin(x),
-                np.cos(x) * np.sin(y),
-            )
+            local = [np.cos(x) * np.cos(y), np.sin(x), np.cos(x) * np.sin(y)]
         else:
-            inward, east, north = (
-                np.cos(x) * np.cos(y),
-                np.sin(x) * np.cos(y),
-                np.sin(y),
-            )
-        λ = np.radians(self.subsatellite_longitude_deg)
-        direction = np.stack(
-            [
-                -inward * np.cos(λ) - east * np.sin(λ),
-                -inward * np.sin(λ) + east * np.cos(λ),
-                north,
-            ],
-            axis=-1,
-        ).reshape(-1, 3)
+            local = [np.cos(x) * np.cos(y), np.sin(x) * np.cos(y), np.sin(y)]
+        direction = np.stack(local, axis=-1) @ self._axes
         return Rays(
             np.broadcast_to(self.satellite_m, direction.shape),
             direction,
             float(abs(self.x_rad[1] - self.x_rad[0])),
         )
+
+
+def _step_rad(resolution_km: float) -> float:
+    if resolution_km not in FULL_DISC_PIXELS:
+        known = ", ".join(f"{km:g}" for km in FULL_DISC_PIXELS)
+        raise ValueError(
+            f"ABI has no grid of {resolution_km:g} km: its resolutions are {known} km."
+        )
+    return resolution_km * RAD_PER_KM
+
+
+def _sector(width_rad, centre_rad, step_rad: float, longitude_deg: float) -> FixedGrid:
+    columns, rows = (round(width / step_rad) for width in width_rad)
+    x, y = (
+        centre + step_rad * (np.arange(count) - (count - 1) / 2)
+        for centre, count in zip(centre_rad, (columns, rows), strict=True)
+    )
+    return FixedGrid(x, y[::-1].copy(), float(longitude_deg))

@@ -72,3 +72,78 @@ def test_the_satellite_stands_over_the_equator_at_its_longitude():
     assert np.linalg.norm(satellite) == pytest.approx(42164160.0, abs=1e-6)
     assert np.degrees(np.arctan2(satellite[1], satellite[0])) == pytest.approx(-75)
     assert satellite[2] == 0
+
+
+# -- the sectors of ABI
+
+
+@pytest.mark.parametrize(
+    ("resolution_km", "pixels", "first"),
+    [
+        (0.5, 21696, 0.151865),
+        (1.0, 10848, 0.151858),
+        (2.0, 5424, 0.151844),
+        (4.0, 2712, 0.151816),
+        (10.0, 1086, 0.151900),
+    ],
+)
+def test_the_full_disc_is_that_of_the_files(resolution_km, pixels, first):
+    """Pixels and offsets of the ABI files: GOES-R PUG volume 3, section 5.1.2."""
+    grid = FixedGrid.abi_full_disc(resolution_km)
+    assert grid.shape == (pixels, pixels)
+    assert grid.x_rad[0] == pytest.approx(-first, abs=1e-12)
+    assert grid.x_rad[-1] == pytest.approx(first, abs=1e-12)
+    assert grid.y_rad[0] == pytest.approx(first, abs=1e-12)
+    assert np.diff(grid.y_rad) == pytest.approx(-28e-6 * resolution_km, abs=1e-12)
+
+
+def test_the_regional_sectors_are_those_of_the_files():
+    """Corners of GOES-16 CONUS and GOES-17 PACUS files of 2 and (ACHA) 10 km."""
+    conus, pacus = FixedGrid.abi_conus(2.0), FixedGrid.abi_conus(2.0, -137.0)
+    assert conus.shape == pacus.shape == (1500, 2500)
+    for grid in (conus, pacus):
+        assert grid.y_rad[[0, -1]] == pytest.approx([0.128212, 0.044268], abs=1e-12)
+    assert conus.x_rad[[0, -1]] == pytest.approx([-0.101332, 0.038612], abs=1e-12)
+    assert pacus.x_rad[[0, -1]] == pytest.approx([-0.069972, 0.069972], abs=1e-12)
+    coarse = FixedGrid.abi_conus(10.0, -137.2)
+    assert coarse.shape == (300, 500)
+    assert coarse.x_rad[0] == pytest.approx(-0.06986, abs=1e-12)
+    assert coarse.y_rad[0] == pytest.approx(0.1281, abs=1e-12)
+
+
+@pytest.mark.parametrize("resolution_km", [0.5, 1.0, 2.0, 4.0, 10.0])
+def test_a_mesoscale_sector_is_cut_from_the_full_disc(resolution_km):
+    grid = FixedGrid.abi_meso(resolution_km, 36.0, -120.0, -137.0)
+    disc = FixedGrid.abi_full_disc(resolution_km, -137.0)
+    assert grid.shape == (round(1000 / resolution_km),) * 2
+    for own, whole in ((grid.x_rad, disc.x_rad), (-grid.y_rad, -disc.y_rad)):
+        start = np.searchsorted(whole, own[0] - 1e-9)
+        np.testing.assert_allclose(own, whole[start : start + own.size], atol=1e-12)
+    middle = grid.scan_angles_rad(36.0, -120.0)
+    assert abs(middle[0] - grid.x_rad.mean()) <= 280e-6
+    assert abs(middle[1] - grid.y_rad.mean()) <= 280e-6
+
+
+@pytest.mark.parametrize("sweep", ["x", "y"])
+def test_scan_angles_undo_navigation(sweep):
+    grid = _grid([-0.1, 0.03], [0.1, -0.07], sweep=sweep)
+    ground, _ = grid.rays().ground()
+    places = zip(ground.latitude_deg, ground.longitude_deg, strict=True)
+    found = [grid.scan_angles_rad(float(φ), float(λ)) for φ, λ in places]
+    expected = [(x, y) for y in grid.y_rad for x in grid.x_rad]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_sectors_that_are_not_are_refused():
+    with pytest.raises(ValueError, match="no grid of 3 km: its resolutions are"):
+        FixedGrid.abi_conus(3.0)
+    with pytest.raises(ValueError, match="cannot be seen from above longitude -75"):
+        FixedGrid.abi_meso(2.0, 0.0, 20.0)
+
+
+def test_tiles_of_rays_are_those_of_the_whole():
+    grid = FixedGrid(np.linspace(-0.1, 0.1, 7), np.linspace(0.1, -0.1, 5), -75.0)
+    whole, tile = grid.rays(), grid.rays(np.array([3, 34, 10]))
+    np.testing.assert_array_equal(tile.direction, whole.direction[[3, 34, 10]])
+    np.testing.assert_array_equal(tile.origin_m, whole.origin_m[[3, 34, 10]])
+    assert tile.pixel_rad == whole.pixel_rad
