@@ -47,7 +47,10 @@ class Analysis:
         classes = cloud_classes()
         return [
             displacement_map(
-                _wind(self.cube, float(classes[layer.name].sampling_altitude_m)),
+                _wind(
+                    self.cube,
+                    float(classes[layer.name].conditions.sampling_altitude_m),
+                ),
                 hours=self.hours,
                 resolution_deg=1.0,
             )
@@ -91,7 +94,7 @@ class Analysis:
         φ, λ = np.meshgrid(target.latitude_deg, target.longitude_deg, indexing="ij")
         fractions = {}
         for name in target.fractions:
-            field = np.nan_to_num(self.fractions(classes[name]))
+            field = np.nan_to_num(self.fractions(classes[name].conditions))
             fractions[name] = self._grid().sample(field[..., None], φ, λ)[..., 0]
         return replace(target, fractions=fractions)
 

@@ -190,13 +190,13 @@ def _class_fractions(cells, grid, good, cloud, cold_k) -> dict[str, np.ndarray]:
     shell cannot stand in it and counts as cirrus; without one, all cloud is low.
     """
     classes = cloud_classes()
-    low = classes["low_stratus"]
+    low, high = (classes[name].conditions for name in ("low_stratus", "cirrus"))
     if cold_k is None:
         return {"low_stratus": _fraction(cells, grid, low, good, cloud)}
-    high = cloud & (cold_k < float(temperature_k(low.shell_top_m)))
+    cold = cloud & (cold_k < float(temperature_k(low.shell_top_m)))
     return {
-        "cirrus": _fraction(cells, grid, classes["cirrus"], good, high),
-        "low_stratus": _fraction(cells, grid, low, good & ~high, cloud & ~high),
+        "cirrus": _fraction(cells, grid, high, good, cold),
+        "low_stratus": _fraction(cells, grid, low, good & ~cold, cloud & ~cold),
     }
 
 

@@ -42,6 +42,10 @@ from .cloud import (
 from .cloud import (
     Latent as Latent,
 )
+from .cloud_class import ClassTexture as ClassTexture
+from .cloud_class import CloudClass as CloudClass
+from .cloud_class import cloud_classes as cloud_classes
+from .cloud_class import load_classes as load_classes
 from .fixed_grid import FixedGrid as FixedGrid
 from .geodesy import GRS80 as GRS80
 from .geodesy import Ellipsoid as Ellipsoid
@@ -98,16 +102,10 @@ from .weather import (
     MaskGrid as MaskGrid,
 )
 from .weather import (
-    cloud_classes as cloud_classes,
-)
-from .weather import (
     cloud_fraction as cloud_fraction,
 )
 from .weather import (
     fraction_to_mask as fraction_to_mask,
-)
-from .weather import (
-    load_classes as load_classes,
 )
 
 

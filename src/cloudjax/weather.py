@@ -6,11 +6,6 @@ a cloud *fraction* with soft edges, and the mask that enters the cloud function 
 probit, so that a standardised texture cut at zero covers just that fraction.
 """
 
-import importlib.resources
-import tomllib
-from pathlib import Path
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -206,50 +201,3 @@ class MaskGrid(eqx.Module):
         """
         nodes = self.mask[..., None]
         return self.grid.sample(nodes, latitude_deg, longitude_deg)[..., 0]
-
-
-def cloud_classes() -> dict[str, Conditions]:
-    """The four classes of Schinder et al. (2024), Table 1, by name."""
-    text = importlib.resources.files("cloudjax").joinpath("cloud_classes.toml")
-    return _parse_classes(text.read_text(encoding="utf-8"), "cloud_classes.toml")
-
-
-def load_classes(path: str | Path) -> dict[str, Conditions]:
-    """Classes of cloud from a TOML file laid out as `cloud_classes.toml`.
-
-    One table for each class, one key for each field of `Conditions`.
-
-    **Raises:** `ValueError` that names the file, the class and the key where a key is
-    unknown, missing, not a number, or out of range.
-    """
-    return _parse_classes(Path(path).read_text(encoding="utf-8"), str(path))
-
-
-def _parse_classes(text: str, source: str) -> dict[str, Conditions]:
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{source} is not valid TOML: {error}.") from error
-    return {name: _parse_class(name, table, source) for name, table in tables.items()}
-
-
-def _parse_class(name: str, table: Any, source: str) -> Conditions:
-    if not isinstance(table, dict):
-        raise ValueError(f"{source}: {name} must be a table of conditions, [{name}].")
-    known = list(Conditions.__dataclass_fields__)
-    for problem, keys in (
-        ("has unknown", [key for key in table if key not in known]),
-        ("lacks the", [key for key in known if key not in table]),
-    ):
-        if keys:
-            raise ValueError(
-                f"{source}: class {name} {problem} key(s) {', '.join(keys)}; "
-                f"the keys are {', '.join(known)}."
-            )
-    for key, value in table.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{source}: {name}.{key} must be a number, not {value!r}.")
-    try:
-        return Conditions(**{key: float(value) for key, value in table.items()})
-    except ValueError as error:
-        raise ValueError(f"{source}: class {name}: {error}") from error

@@ -4,18 +4,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cloudjax import cloud_classes
 from cloudjax.weather import (
     Conditions,
     LatLonGrid,
     MaskGrid,
-    cloud_classes,
     cloud_fraction,
     fraction_to_mask,
-    load_classes,
 )
 
 
-CLASSES = cloud_classes()
+CLASSES = {name: cloud.conditions for name, cloud in cloud_classes().items()}
 # In the middle of each class: temperature K and omega Pa/s of rising air.
 INSIDE = {
     "low_stratus": (275.0, -0.06),
@@ -318,47 +317,3 @@ def test_the_circle_is_recognised_in_either_precision(dtype, columns):
     grid = LatLonGrid.from_axes([0, 1], lon)
     assert grid.longitude.periodic
     assert grid.longitude.step == 360 / columns
-
-
-# Classes from a file
-
-FIFTH = """
-[fog]
-sampling_altitude_m = 100
-shell_bottom_m = 0
-shell_top_m = 300
-vertical_wind_min_pa_s = -inf
-vertical_wind_max_pa_s = 0.05
-temperature_min_k = 260
-temperature_max_k = inf
-critical_relative_humidity = 0.95
-vertical_wind_width_pa_s = 0
-temperature_width_k = 0.5
-"""
-
-
-def test_a_fifth_class_is_read_from_a_file(tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text(FIFTH)
-    fog = load_classes(path)["fog"]
-    assert fog.shell_top_m == 300
-    assert fraction(fog, 1.0, 280.0, 3.0) == 1.0
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (FIFTH + "colour = 1\n", r"fog has unknown key\(s\) colour"),
-        (FIFTH.replace("shell_top_m = 300", ""), r"lacks the key\(s\) shell_top_m"),
-        (FIFTH.replace("= 300", "= 'high'"), "shell_top_m must be a number"),
-        (FIFTH.replace("= 0.95", "= 95"), "class fog: critical_relative_humidity"),
-        ("fog = 1", "must be a table"),
-        ("[fog", "not valid TOML"),
-    ],
-)
-def test_a_faulty_file_is_refused_by_a_sentence(tmp_path, text, message):
-    path = tmp_path / "mine.toml"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=message) as caught:
-        load_classes(path)
-    assert "mine.toml" in str(caught.value)
