@@ -5,6 +5,7 @@ import click
 from .demo import demo
 from .doctor import doctor
 from .errors import OneSentenceGroup
+from .fetch import fetch
 from .fit import fit
 from .info import info
 from .render import render
@@ -13,7 +14,7 @@ from .report import report
 
 @click.group(
     cls=OneSentenceGroup,
-    commands=[demo, info, fit, render, report, doctor],
+    commands=[demo, fetch, info, fit, render, report, doctor],
     context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
     invoke_without_command=True,
 )

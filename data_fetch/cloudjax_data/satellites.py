@@ -1,0 +1,50 @@
+"""Which GOES-R satellite stood where, and when.
+
+The dates are those on which NOAA declared a satellite operational (docs/fetch.md).
+"""
+
+from datetime import UTC, datetime
+
+from .errors import DataError
+
+
+SATELLITES = ("goes16", "goes17", "goes18", "goes19")
+
+# since when; each until the next one
+POSITIONS = {
+    "east": (
+        (datetime(2017, 12, 18, tzinfo=UTC), "goes16"),
+        (datetime(2025, 4, 7, tzinfo=UTC), "goes19"),
+    ),
+    "west": (
+        (datetime(2019, 2, 12, tzinfo=UTC), "goes17"),
+        (datetime(2023, 1, 4, tzinfo=UTC), "goes18"),
+    ),
+}
+
+
+def satellite_at(name: str, time: datetime) -> str:
+    """The satellite of that name, or the one that stood in that position.
+
+    **Arguments:**
+
+    - `name`: "goes16" to "goes19", or "east" or "west".
+    - `time`: in UTC; matters to positions only.
+
+    **Raises:** `DataError` for any other name, and for a position before the first
+    satellite of the series took it.
+    """
+    if name in SATELLITES:
+        return name
+    if name not in POSITIONS:
+        known = ", ".join((*SATELLITES, *POSITIONS))
+        raise DataError(f"{name!r} is no satellite of the series: use one of {known}.")
+    held = [who for since, who in POSITIONS[name] if since <= time]
+    if not held:
+        since, who = POSITIONS[name][0]
+        raise DataError(
+            f"No satellite of the series was GOES-{name.capitalize()} on "
+            f"{time:%Y-%m-%d}, the first one took over on {since:%Y-%m-%d}: choose a "
+            f"later time, or ask for {who} by name where it was on trial."
+        )
+    return held[-1]
