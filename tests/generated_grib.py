@@ -22,8 +22,9 @@ def write_grib(
 
     **Arguments:**
 
-    - `fields`: by GRIB short name and level in hPa (0 for the surface), `[latitude,
-        longitude]` in the order of the axes; NaN is masked by a bitmap.
+    - `fields`: by GRIB short name and level in hPa (0 for the surface, 2 for the air
+        two metres above it), `[latitude, longitude]` in the order of the axes; NaN is
+        masked by a bitmap.
     - `latitude_deg`: descending, as in GFS files; `longitude_deg`: ascending eastward.
     - `extra`: further keys of eccodes, set last in every message.
     """
@@ -72,6 +73,11 @@ def write_lambert_grib(
     return _write_messages(path, fields, "regular_ll_pl_grib2", keys, time)
 
 
+def _type_of_level(level: int) -> str:
+    near_the_ground = {0: "surface", 2: "heightAboveGround"}
+    return near_the_ground.get(level, "isobaricInhPa")
+
+
 def _write_messages(
     path: Path,
     fields: Mapping[tuple[str, int], np.ndarray],
@@ -90,7 +96,7 @@ def _write_messages(
                 **keys,
                 "dataDate": int(f"{time:%Y%m%d}"),
                 "dataTime": int(f"{time:%H%M}"),
-                "typeOfLevel": "isobaricInhPa" if level else "surface",
+                "typeOfLevel": _type_of_level(level),
                 "level": level,
                 "shortName": name,
                 "bitsPerValue": 24,

@@ -25,9 +25,28 @@ REQUIRED = {
     "gh": "gpm",
 }
 OPTIONAL = {"clwmr": "kg kg**-1"}
+# name in the cube: type of level and short name in the file
+GROUND = {
+    "orog": ("surface", "orog"),
+    "lsm": ("surface", "lsm"),
+    "t_surface": ("surface", "t"),
+    "t_2m": ("heightAboveGround", "2t"),
+}
 
 _LEVEL = "isobaricInhPa"
-_GROUND = ("surface", "orog")
+# Far beyond any weather: what lies outside is a number that stands for "missing".
+_POSSIBLE = {
+    "u": (-300.0, 300.0),
+    "v": (-300.0, 300.0),
+    "w": (-200.0, 200.0),
+    "r": (-50.0, 250.0),
+    "t": (0.0, 500.0),
+    "gh": (-5e3, 100e3),
+    "t_surface": (0.0, 500.0),
+    "t_2m": (0.0, 500.0),
+    "lsm": (-0.01, 1.01),
+    "orog": (-1e3, 10e3),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +59,20 @@ class WeatherCube:
         `(level, y, x)` with `latitude(y, x)` and `longitude(y, x)`:
         `u`, `v` (m/s, to the true east and north), `w` (Pa/s: the change of pressure,
         so **positive is downward**), `r` (%), `t` (K), `gh` (geopotential metres) and,
-        where the file has it, `clwmr` (kg/kg). `orog(latitude, longitude)`, the height
-        of the ground in geopotential metres, where the file has it.
+        where the file has it, `clwmr` (kg/kg). On `(latitude, longitude)`, where the
+        file has them: `orog`, the height of the ground (geopotential metres); `lsm`,
+        the share of land (0 to 1); `t_surface`, the temperature of the skin of ground
+        or sea (K); `t_2m`, of the air at 2 m (K).
         `level` is in hPa and descends, from the ground upward. `latitude` ascends.
         `longitude` is east positive and ascends from a value in [0, 360); a global grid
         starts next to 0, a region across Greenwich goes on beyond 360. On a Lambert map
         longitudes are within 180 degrees of its central meridian. Where a field is
-        masked in the file it is NaN.
+        masked in the file, such as under the ground, it is NaN.
     - `valid_time`: in UTC.
     - `path`: the file.
     - `lost_levels_hpa`: by variable, the levels that it has in the file but not all
-        required variables have, and that are dropped.
+        required variables have, and that are dropped. A level on which a variable is
+        masked everywhere is one that it has not.
     - `projection`: the Lambert map, or None on latitude and longitude.
     """
 
@@ -70,7 +92,7 @@ class WeatherCube:
         return bool(np.isclose(longitude[-1] + step - longitude[0], 360.0))
 
     def at_altitude(self, altitude_m: float) -> xr.Dataset:
-        """The variables (but `gh` and `orog`) at a height above sea level.
+        """The variables on levels (but `gh`) at a height above sea level.
 
         The height is in geopotential metres (geometric height is greater by 0.16 % at
         10 km). Linear between the two levels that enclose it, column by column; NaN
@@ -80,7 +102,7 @@ class WeatherCube:
         if "orog" in self.data:
             ground = self.data["orog"].to_numpy()
             weight = np.where(altitude_m < ground, np.nan, weight)
-        columns = self.data.drop_vars(["gh", "orog"], errors="ignore")
+        columns = self.data.drop_vars(["gh", *GROUND], errors="ignore")
         return columns.map(_between, args=(lower, weight)).assign_coords(
             altitude_m=altitude_m
         )
@@ -101,24 +123,27 @@ def read_weather(path: str | PathLike[str]) -> WeatherCube:
     """Read a GFS or NAM file, GRIB2 or GRIB1, global or regional.
 
     **Raises:** `DataError` if the file is absent, corrupt, of several times, on a grid
-    other than latitude-longitude or Lambert, lacks one of `REQUIRED` on pressure
-    levels, or has one in other units.
+    other than latitude-longitude or Lambert, lacks a meridian, lacks one of `REQUIRED`
+    on pressure levels, or has one in other units or with impossible values.
     """
     path = Path(path)
     units = REQUIRED | OPTIONAL
     names = [(_LEVEL, name) for name in (*units, "wz")]
-    found = read_grib(path, [*names, _GROUND])
-    _require_all(path, {name for _, name in found})
+    found = read_grib(path, [*names, *GROUND.values()])
+    _require_all(path, {name for level, name in found if level == _LEVEL})
     fields = {
         name: _checked(path, name, units[name], found[_LEVEL, name])
         for name in units
         if (_LEVEL, name) in found
     }
     data, lost = _aligned(path, fields)
-    if _GROUND in found:
-        data = _merged(path, [data, _plain(found[_GROUND]).rename("orog")])
+    ground = [
+        _plain(found[key]).rename(name) for name, key in GROUND.items() if key in found
+    ]
+    data = _merged(path, [data, *ground])
+    _require_possible(path, data)
     data, projection = oriented(path, data, fields["u"].attrs)
-    data.attrs["source"] = path.name
+    data.attrs = {"source": path.name}
     times = {_valid_time(values) for values in fields.values()}
     if len(times) > 1:
         raise DataError(f"{path} holds several times: keep the messages of one.")
@@ -137,6 +162,35 @@ def check_time(
             "get the analysis nearest to the scan, or allow "
             f"more than {allowed_hours:g} hours."
         )
+
+
+def check_altitude(cube: WeatherCube, altitude_m: float) -> None:
+    """Raise `DataError` if most columns have no weather at an altitude above ground."""
+    data = cube.data
+    above_ground = np.ones(data["gh"].shape[1:], bool)
+    if "orog" in data:
+        above_ground = data["orog"].to_numpy() < altitude_m
+    known = np.isfinite(cube.at_altitude(altitude_m)["r"].to_numpy())
+    if known.sum() < 0.5 * above_ground.sum() or not known.any():
+        levels = data["level"].to_numpy()
+        raise DataError(
+            f"{cube.path} has nothing at {altitude_m:g} m for most places: all of "
+            f"{', '.join(REQUIRED)} are given only from {levels[0]:g} to "
+            f"{levels[-1]:g} hPa, get a file with more levels."
+        )
+
+
+def _require_possible(path: Path, data: xr.Dataset) -> None:
+    for name, (low, high) in _POSSIBLE.items():
+        if name not in data:
+            continue
+        values = data[name].to_numpy()
+        wrong = values[(values < low) | (values > high)]
+        if wrong.size:
+            raise DataError(
+                f"{path} has {name!r} of {wrong[0]:g} at {wrong.size} points: what is "
+                "missing must be masked, download it again."
+            )
 
 
 def _require_all(path: Path, found: set[str]) -> None:
@@ -164,7 +218,7 @@ def _checked(path: Path, name: str, units: str, found: xr.DataArray) -> xr.DataA
         raise DataError(f"{path} has {name!r} all masked: download it again.")
     # a single level comes as a scalar coordinate
     found = found if _LEVEL in found.dims else found.expand_dims(_LEVEL)
-    return found.sortby(_LEVEL, ascending=False)
+    return found.dropna(_LEVEL, how="all").sortby(_LEVEL, ascending=False)
 
 
 def _aligned(

@@ -21,6 +21,7 @@ def oriented(
     """
     kind = grib["GRIB_gridType"]
     if kind == "regular_ll":
+        _require_meridians(path, data)
         return _on_ascending_axes(path, data), None
     if kind != "lambert":
         raise DataError(
@@ -103,6 +104,19 @@ def _multiples(values: np.ndarray, step: float) -> np.ndarray:
 def _from_zero(longitude: np.ndarray) -> np.ndarray:
     """The same ascending longitudes, the first of them in [0, 360)."""
     return longitude - 360 * np.floor(longitude[0] / 360)
+
+
+def _require_meridians(path: Path, data: xr.Dataset) -> None:
+    for name, values in data.data_vars.items():
+        others = [dim for dim in values.dims if dim != "longitude"]
+        empty = values.isnull().all(others).to_numpy()
+        # A variable that is masked everywhere is another matter.
+        if empty.any() and not empty.all():
+            first = float(data["longitude"].to_numpy()[empty][0])
+            raise DataError(
+                f"{path} lacks {empty.sum()} of {empty.size} meridians of {name!r}, "
+                f"first that of {first:g} degrees: download it again."
+            )
 
 
 def _on_ascending_axes(path: Path, data: xr.Dataset) -> xr.Dataset:

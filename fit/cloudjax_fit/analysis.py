@@ -16,6 +16,7 @@ from cloudjax import (
 )
 from cloudjax.advection import DisplacementMap, Wind, displacement_map
 from cloudjax_data import WeatherCube
+from cloudjax_data.weather import check_altitude
 
 from .target import Target
 
@@ -76,8 +77,13 @@ class Analysis:
         )
 
     def fractions(self, conditions: Conditions) -> Float[np.ndarray, "lat lon"]:
-        """Cloud fraction of a class by the decision of the paper's Table 1."""
-        level = self._regular.at_altitude(float(conditions.sampling_altitude_m))
+        """Cloud fraction of a class by the decision of the paper's Table 1.
+
+        **Raises:** `DataError` where the analysis does not reach that high.
+        """
+        altitude_m = float(conditions.sampling_altitude_m)
+        check_altitude(self.cube, altitude_m)
+        level = self._regular.at_altitude(altitude_m)
         humidity, temperature, omega = (
             jnp.asarray(np.nan_to_num(level[name].to_numpy(), nan=fallback), float)
             for name, fallback in (("r", 0.0), ("t", 273.15), ("w", 0.0))

@@ -1,5 +1,6 @@
 """Weather files of every shape, read into one kind of cube or refused in words."""
 
+import struct
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -7,6 +8,8 @@ import numpy as np
 import pytest
 
 from cloudjax_data import DataError, check_time, read_weather
+from cloudjax_data.weather import check_altitude
+from cloudjax_data.weather_series import WeatherSeries
 from tests.generated import write_grib, write_lambert_grib
 
 
@@ -88,6 +91,110 @@ def test_a_missing_meridian_is_refused(tmp_path):
     fields = fields_of((5, 11))
     path = write(tmp_path, fields, longitude_deg=LONGITUDE[:-1])
     with pytest.raises(DataError, match=r"weather\.grib lacks a meridian"):
+        read_weather(path)
+
+
+@pytest.mark.parametrize("column", [0, 5, 11])
+def test_any_one_missing_meridian_is_refused(tmp_path, fields, column):
+    """The first and the last leave a gap round the circle, any may be masked."""
+    for values in fields.values():
+        values[:, column] = np.nan
+    with pytest.raises(DataError, match=rf"lacks 1 of 12 meridians.*{column * 30} deg"):
+        read_weather(write(tmp_path, fields))
+    if column == 5:
+        return
+    without = {k: np.delete(v, column, axis=1) for k, v in fields.items()}
+    path = write(tmp_path, without, longitude_deg=np.delete(LONGITUDE, column))
+    with pytest.raises(DataError, match=r"weather\.grib lacks a meridian"):
+        read_weather(path)
+
+
+def test_a_meridian_missing_from_one_variable_is_refused(tmp_path, fields):
+    for level in LEVELS:
+        fields["r", level][:, 3] = np.nan
+    with pytest.raises(DataError, match="1 of 12 meridians of 'r', first that of 90"):
+        read_weather(write(tmp_path, fields))
+
+
+@pytest.mark.parametrize("edition", [1, 2])
+def test_humidity_on_fewer_levels_than_temperature(tmp_path, fields, edition):
+    del fields["r", 500]
+    cube = read_weather(write(tmp_path, fields, edition=edition))
+    np.testing.assert_array_equal(cube.data["level"], [1000.0, 850.0, 300.0])
+    assert cube.lost_levels_hpa["t"] == (500.0,)
+    found = cube.at_altitude(5000.0)
+    height = cube.data["gh"].to_numpy()[:, 2, 3]
+    for name in ("r", "t"):
+        column = cube.data[name].to_numpy()[:, 2, 3]
+        expected = np.interp(5000.0, height, column)
+        assert found[name][2, 3] == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_level_that_is_all_masked_is_one_that_is_not_there(tmp_path, fields):
+    fields["r", 500][:] = np.nan
+    cube = read_weather(write(tmp_path, fields))
+    np.testing.assert_array_equal(cube.data["level"], [1000.0, 850.0, 300.0])
+    assert np.isfinite(cube.at_altitude(5000.0)["r"]).all()
+
+
+def test_too_low_humidity_is_refused_where_it_is_needed(tmp_path, fields):
+    del fields["r", 500], fields["r", 300]
+    cube = read_weather(write(tmp_path, fields))
+    check_altitude(cube, 1000.0)
+    with pytest.raises(DataError, match=r"nothing at 6000 m.*from 1000 to 850 hPa"):
+        check_altitude(cube, 6000.0)
+
+
+def test_mountains_are_no_reason_to_refuse_an_altitude(tmp_path, fields):
+    ground = np.full((5, 12), 3000.0)
+    ground[0] = 100.0
+    cube = read_weather(write(tmp_path, {**fields, ("orog", 0): ground}))
+    check_altitude(cube, 2000.0)
+
+
+@pytest.mark.parametrize("edition", [1, 2])
+def test_numbers_that_stand_for_missing_are_refused(tmp_path, fields, edition):
+    fields["t", 850][1, 2] = 9.999e20
+    with pytest.raises(DataError, match=r"has 't' of 9\.9.*e\+20 at 1 points"):
+        read_weather(write(tmp_path, fields, edition=edition))
+
+
+def test_nan_that_is_not_masked_is_nan(tmp_path, fields):
+    """Packed as IEEE floats, a message may hold NaN itself."""
+    fields["t", 850][1, 2] = 5.4321
+    path = write(tmp_path, fields, extra={"packingType": "grid_ieee"})
+    packed, number = path.read_bytes(), struct.pack(">f", 5.4321)
+    assert packed.count(number) == 1
+    path.write_bytes(packed.replace(number, struct.pack(">f", np.nan)))
+    missing = np.isnan(read_weather(path).data["t"].to_numpy())
+    assert missing[1, 3, 2]
+    assert missing.sum() == 1
+
+
+# -- at the ground
+
+
+@pytest.mark.parametrize("edition", [1, 2])
+def test_the_ground_is_read_where_the_file_has_it(tmp_path, fields, edition):
+    rng = np.random.default_rng(1)
+    ground = {
+        "t_surface": (("t", 0), rng.uniform(250.0, 310.0, (5, 12))),
+        "t_2m": (("2t", 2), rng.uniform(250.0, 310.0, (5, 12))),
+        "lsm": (("lsm", 0), rng.integers(0, 2, (5, 12)).astype(float)),
+        "orog": (("orog", 0), rng.uniform(0.0, 100.0, (5, 12))),
+    }
+    path = write(tmp_path, fields | dict(ground.values()), edition=edition)
+    cube = read_weather(path)
+    for name, (_, values) in ground.items():
+        assert cube.data[name].dims == ("latitude", "longitude")
+        np.testing.assert_allclose(cube.data[name], values[::-1], rtol=1e-4)
+    assert set(cube.at_altitude(3000.0).data_vars) == {"u", "v", "w", "r", "t"}
+
+
+def test_the_skin_does_not_stand_in_for_the_air(tmp_path, fields):
+    air = {key: values for key, values in fields.items() if key[0] != "t"}
+    path = write(tmp_path, {**air, ("t", 0): np.full((5, 12), 300.0)})
+    with pytest.raises(DataError, match="has no 't' on pressure levels"):
         read_weather(path)
 
 
@@ -307,3 +414,50 @@ def test_weather_of_another_time_is_refused(tmp_path, fields):
         match=r"2019-10-27 18:00 UTC, 4\.0 hours from the imagery of 2019-10-27 22:00",
     ):
         check_time(TIME + timedelta(hours=4), cube)
+
+
+@pytest.fixture
+def series(tmp_path, fields):
+    """Two files, six hours apart, the later without its uppermost level."""
+    later = {key: values + 3.0 for key, values in fields.items() if key[1] != 300}
+    paths = [tmp_path / "early.grib", tmp_path / "late.grib"]
+    axes: Any = {"latitude_deg": LATITUDE, "longitude_deg": LONGITUDE}
+    write_grib(paths[0], fields, time=TIME, **axes)
+    write_grib(paths[1], later, time=TIME + timedelta(hours=6), **axes)
+    return [read_weather(path) for path in paths]
+
+
+def test_weather_in_time_is_put_in_order(series):
+    ordered = WeatherSeries.of(series[::-1])
+    assert ordered.times == (TIME, TIME + timedelta(hours=6))
+    origin = TIME + timedelta(hours=2)
+    np.testing.assert_array_equal(ordered.seconds_from(origin), [-7200.0, 14400.0])
+    east, north = ordered.winds(3000.0)
+    assert east.shape == north.shape == (2, 5, 12)
+    for cube, u, v in zip(series, east, north, strict=True):
+        np.testing.assert_array_equal(u, cube.at_altitude(3000.0)["u"])
+        np.testing.assert_array_equal(v, cube.at_altitude(3000.0)["v"])
+
+
+@pytest.mark.parametrize(
+    ("hours", "weight"), [(-5, 0.0), (0, 0.0), (1.5, 0.25), (6, 1.0), (9, 1.0)]
+)
+def test_weather_between_two_times_is_linear(series, hours, weight):
+    when = TIME + timedelta(hours=hours)
+    found = WeatherSeries.of(series).at_altitude(3000.0, when)
+    early, late = (cube.at_altitude(3000.0)["t"].to_numpy() for cube in series)
+    expected = (1 - weight) * early + weight * late
+    assert not np.allclose(early, late)
+    np.testing.assert_allclose(found["t"], expected, rtol=1e-6)
+
+
+def test_series_that_are_none_are_refused(tmp_path, series):
+    with pytest.raises(DataError, match="needs one file at least"):
+        WeatherSeries.of([])
+    with pytest.raises(
+        DataError, match=r"early\.grib and .*early\.grib are both valid"
+    ):
+        WeatherSeries.of([series[0], series[0]])
+    coarse = write(tmp_path, fields_of((3, 12)), latitude_deg=LATITUDE[::2])
+    with pytest.raises(DataError, match=r"weather\.grib and .* on different grids"):
+        WeatherSeries.of([read_weather(coarse), series[1]])

@@ -1,0 +1,106 @@
+"""Weather at several times, linear in between."""
+
+import itertools as it
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from .errors import DataError
+from .weather import WeatherCube
+
+
+# Of a degree: grids differ by rounding only.
+_SAME_DEG = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class WeatherSeries:
+    """Cubes on one grid, in the order of their times.
+
+    Their levels may differ, for everything is taken at altitudes. Build it with
+    `WeatherSeries.of`.
+    """
+
+    cubes: tuple[WeatherCube, ...]
+
+    @staticmethod
+    def of(cubes: Sequence[WeatherCube]) -> "WeatherSeries":
+        """The series of these cubes, in any order.
+
+        **Raises:** `DataError` if there are none, two are of the same time, or their
+        grids differ.
+        """
+        ordered = tuple(sorted(cubes, key=lambda cube: cube.valid_time))
+        if not ordered:
+            raise DataError("A series of weather needs one file at least: add one.")
+        first = ordered[0]
+        for one, following in it.pairwise(ordered):
+            if one.valid_time == following.valid_time:
+                raise DataError(
+                    f"{one.path} and {following.path} are both valid at "
+                    f"{one.valid_time:%Y-%m-%d %H:%M} UTC: keep one of them."
+                )
+            if not _same_grid(first, following):
+                raise DataError(
+                    f"{first.path} and {following.path} are on different grids: get "
+                    "files of one resolution and region."
+                )
+        return WeatherSeries(ordered)
+
+    @property
+    def times(self) -> tuple[datetime, ...]:
+        """Ascending, in UTC."""
+        return tuple(cube.valid_time for cube in self.cubes)
+
+    def seconds_from(self, origin: datetime) -> Float[np.ndarray, " time"]:
+        """The times in seconds after another."""
+        return np.array([(time - origin).total_seconds() for time in self.times])
+
+    def winds(
+        self, altitude_m: float
+    ) -> tuple[Float[np.ndarray, "time y x"], Float[np.ndarray, "time y x"]]:
+        """Eastward and northward wind (m/s) at an altitude, at `times`.
+
+        As `WeatherCube.at_altitude`, NaN under the ground and beyond the levels.
+        """
+        levels = [cube.at_altitude(altitude_m) for cube in self.cubes]
+        east, north = (
+            np.stack([level[name].to_numpy() for level in levels]) for name in "uv"
+        )
+        return east, north
+
+    def at_altitude(self, altitude_m: float, time: datetime) -> xr.Dataset:
+        """The variables at an altitude and a time, linear between the two next to it.
+
+        Before the first and after the last time, that one's. Optional variables that
+        one of the two lacks are left out.
+        """
+        seconds = self.seconds_from(time)
+        after = int(np.searchsorted(seconds, 0.0))
+        if after == 0 or after == len(seconds):
+            return self.cubes[min(after, len(seconds) - 1)].at_altitude(altitude_m)
+        weight = -seconds[after - 1] / (seconds[after] - seconds[after - 1])
+        early, late = (
+            self.cubes[i].at_altitude(altitude_m) for i in (after - 1, after)
+        )
+        common = [name for name in early.data_vars if name in late.data_vars]
+        blend = {
+            name: early[name].copy(
+                data=early[name].to_numpy()
+                + np.float32(weight) * (late[name].to_numpy() - early[name].to_numpy())
+            )
+            for name in common
+        }
+        return early[common].assign(blend)
+
+
+def _same_grid(one: WeatherCube, other: WeatherCube) -> bool:
+    return one.projection == other.projection and all(
+        one.data[axis].shape == other.data[axis].shape
+        and np.allclose(one.data[axis], other.data[axis], rtol=0, atol=_SAME_DEG)
+        for axis in ("latitude", "longitude")
+    )
