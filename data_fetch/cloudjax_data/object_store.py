@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from obstore import GetOptions
 
 REGION = "us-east-1"
-# A megabyte is soon enough for a bar, and seldom enough for a disk.
-_CHUNK = 2**20
+# What a broken connection loses at most.
+_CHUNK = 2**17
 _LONGEST_WAIT_S = 30.0
 # What another try cannot mend.
 FINAL = (NotFoundError, FileNotFoundError, PermissionDeniedError, PreconditionError)
