@@ -21,11 +21,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cloudjax import Scene, render
+from cloudjax_data import sun_direction
 from cloudjax_fit.embedded import embedded_target
 from cloudjax_fit.fitting import SimulatedImage, simulate_image, versions
 from cloudjax_fit.histogram import distances
-from cloudjax_fit.model import build_scene, look, scene_parameters
-from cloudjax_fit.objective import make_textures, pose, stacked
+from cloudjax_fit.model import background, build_scene, scene_parameters, weather_of
+from cloudjax_fit.objective import pose, stacked
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
 from cloudjax_fit.solve import Solver
 from cloudjax_fit.target import Target
@@ -100,12 +101,20 @@ def run_renderings(target: Target, scene: Scene) -> list[dict]:
     """Each case once for its image and to compile, then all of them in turns."""
     every = target.grid.rays()
     _, hit = every.ground(target.grid.ellipsoid)
-    view, background = look(scene, target, every[np.flatnonzero(hit)[::THINNING]])
-    textures = {n: make_textures(scene, target, n) for n in RESOLUTIONS}
+    rays = every[np.flatnonzero(hit)[::THINNING]]
+    sun, weather = sun_direction(target.time), weather_of(scene, target)
+    behind = background(target, rays)
 
     def run(steps: int, resolution: int) -> np.ndarray:
-        seen = render(with_steps(scene, steps), view, textures[resolution], background)
-        return np.asarray(stacked(seen), np.float64)
+        seen = render(
+            with_steps(scene, steps),
+            rays,
+            sun,
+            lambda index: jax.tree.map(lambda x: x[:, index], behind),
+            weather,
+            resolution=resolution,
+        )
+        return np.asarray(stacked(seen.radiances), np.float64)
 
     truth = run(*REFERENCE)
     cases = [(steps, resolution) for resolution in RESOLUTIONS for steps in STEPS]

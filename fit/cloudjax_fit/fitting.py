@@ -10,12 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax import BandRadiances, Scene, render
+from cloudjax import Scene, render
+from cloudjax_data import sun_direction
 
 from .analysis import Analysis
 from .histogram import Distances, distances
-from .model import build_scene, look, scene_parameters
-from .objective import make_textures, pose, stacked
+from .model import background, build_scene, scene_parameters, weather_of
+from .objective import pose, stacked
 from .parameters import Parameter, put_all, unbounded_of, values_of, with_overrides
 from .solve import OnStep, Solution, Solver
 from .target import Target
@@ -178,9 +179,15 @@ def simulate_image(
     """Render all pixels of a target that see the Earth."""
     every = target.grid.rays()
     _, hit = every.ground(target.grid.ellipsoid)
-    view, background = look(scene, target, every[hit], analysis)
-    textures = make_textures(scene, target, resolution)
-    seen: BandRadiances = render(scene, view, textures, background)
+    rays = every[hit]
+    seen = render(
+        scene,
+        rays,
+        sun_direction(target.time),
+        lambda index: background(target, rays[index]),
+        weather_of(scene, target, analysis),
+        resolution=resolution,
+    ).radiances
     weights = eqx.filter_jit(target.rule.weights)(
         seen, scene.reflective, scene.emissive
     )

@@ -29,10 +29,8 @@ from cloudjax import (
     Shell,
     StandardAtmosphere,
     TwoFlux,
-    View,
-    navigate,
+    Weather,
 )
-from cloudjax_data import sun_direction
 
 from .analysis import Analysis
 from .parameters import Parameter
@@ -107,7 +105,7 @@ def _layer(name: str, target: Target, seed: int, steps: int) -> Layer:
     return Layer(
         cloud=FractalCloud(
             function=function,
-            latent=Latent.gauss_hermite(),
+            latent=Latent.gauss_hermite(3),
             shell=SHELLS[name],
             fractals=FRACTALS,
             length_scales_m=LENGTH_SCALES_M[name],
@@ -247,19 +245,21 @@ def _emissive_air(i: int, band: BandTarget) -> list[Parameter]:
     ]  # fmt: skip
 
 
-def look(
-    scene: Scene, target: Target, rays: Rays, analysis: Analysis | None = None
-) -> tuple[View, BandRadiances]:
-    """Navigate rays through the scene, and what they see without cloud."""
+def weather_of(
+    scene: Scene, target: Target, analysis: Analysis | None = None
+) -> Weather:
+    """Where a target's clouds may stand, and how the winds have drawn them."""
     masks = [
         MaskGrid.from_fraction(
             target.fractions[layer.name], target.latitude_deg, target.longitude_deg
         )
         for layer in scene.layers
     ]
-    displacements = None if analysis is None else analysis.displacements(scene)
-    sun = sun_direction(target.time)
-    view = navigate(scene, rays, sun, masks, displacements)
+    return Weather(masks, None if analysis is None else analysis.displacements(scene))
+
+
+def background(target: Target, rays: Rays) -> BandRadiances:
+    """What rays see without cloud."""
     ground, _ = rays.ground(target.grid.ellipsoid)
     grid = LatLonGrid.from_axes(target.latitude_deg, target.longitude_deg)
 
@@ -270,4 +270,4 @@ def look(
         at_rays = grid.sample(maps, ground.latitude_deg, ground.longitude_deg)
         return jnp.asarray(np.asarray(at_rays).T, float)
 
-    return view, BandRadiances(behind(target.reflective), behind(target.emissive))
+    return BandRadiances(behind(target.reflective), behind(target.emissive))

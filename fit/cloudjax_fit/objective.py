@@ -10,13 +10,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, Int
 
-from cloudjax import BandRadiances, Scene, View, radiances, sample
+from cloudjax import BandRadiances, Sampled, Scene, radiances, sample_rays
+from cloudjax_data import sun_direction
 
 from .analysis import Analysis
 from .histogram import Bins, cumulative, spline_histogram
-from .model import look
+from .model import background, weather_of
 from .parameters import Parameter, put_all, values_of
 from .selection import CloudRule
 from .target import Target, block_of_pixels
@@ -45,7 +46,7 @@ class Problem(eqx.Module):
     **Fields:**
 
     - `scene`: at the parameters' defaults.
-    - `samples`, `view`, `background`: of the rays.
+    - `sampled`, `background`: of the rays.
     - `bins`, `observed`: of each band, reflective ones first: [bands] and [bands bins].
     - `cloud_fraction`: observed, of the whole image.
     - `block_of_ray`, `block_rays`: the block of the image that each ray is in, and the
@@ -55,8 +56,7 @@ class Problem(eqx.Module):
     """
 
     scene: Scene
-    view: View
-    samples: tuple[PyTree, ...]
+    sampled: Sampled
     background: BandRadiances
     bins: Bins
     observed: Float[Array, "bands bins"]
@@ -78,7 +78,7 @@ def simulate(
 ) -> tuple[Float[Array, "bands rays"], Float[Array, " rays"]]:
     """Radiances of the rays and the share of each that is selected as cloud."""
     scene = put_all(problem.scene, problem.parameters, values)
-    seen = radiances(scene, problem.view, problem.samples, problem.background)
+    seen = radiances(scene, problem.sampled, problem.background)
     weights = problem.rule.weights(seen, scene.reflective, scene.emissive)
     return stacked(seen), weights
 
@@ -131,10 +131,14 @@ def pose(
     **Returns:** the problem and the pixels that its rays belong to.
     """
     pixels = _draw_pixels(target, rays, seed)
-    every = target.grid.rays()
-    view, background = look(scene, target, every[pixels], analysis)
-    textures = make_textures(scene, target, resolution)
-    samples = eqx.filter_jit(sample)(scene, view, textures)
+    chosen = target.grid.rays(pixels)
+    sampled = sample_rays(
+        scene,
+        chosen,
+        sun_direction(target.time),
+        weather_of(scene, target, analysis),
+        resolution=resolution,
+    )
     block = block_of_pixels(target.grid.shape, target.blocks)[pixels]
     bands = [*target.reflective, *target.emissive]
     bins = Bins(
@@ -144,9 +148,8 @@ def pose(
     )
     problem = Problem(
         scene=scene,
-        view=view,
-        samples=samples,
-        background=background,
+        sampled=sampled,
+        background=background(target, chosen),
         bins=bins,
         observed=_observed(bands, bins),
         cloud_fraction=jnp.asarray(target.cloud_fraction, float),
@@ -168,14 +171,6 @@ def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
     values = jnp.stack([jnp.asarray(b.quantiles.equal_weights(), float) for b in bands])
     deposit = jax.vmap(spline_histogram, (0, None, 0))
     return jax.vmap(cumulative)(deposit(values, jnp.ones(values.shape[1]), bins))
-
-
-def make_textures(scene: Scene, target: Target, resolution: int = 128) -> tuple:
-    """Each layer's textures, averaged over the target's median pixel."""
-    footprint = float(np.nanmedian(target.grid.rays().footprint_m()))
-    return tuple(
-        layer.cloud.make_textures(footprint, resolution) for layer in scene.layers
-    )
 
 
 def _draw_pixels(target: Target, count: int, seed: int) -> Int[np.ndarray, " rays"]:

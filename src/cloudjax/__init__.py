@@ -47,10 +47,25 @@ from .cloud_class import CloudClass as CloudClass
 from .cloud_class import cloud_classes as cloud_classes
 from .cloud_class import load_classes as load_classes
 from .fixed_grid import FixedGrid as FixedGrid
+from .footprint import POINT as POINT
+from .footprint import Footprint as Footprint
 from .geodesy import GRS80 as GRS80
 from .geodesy import Ellipsoid as Ellipsoid
+from .imaging import (
+    Image as Image,
+)
+from .imaging import (
+    Weather as Weather,
+)
+from .imaging import (
+    render as render,
+)
+from .imaging import (
+    sample_rays as sample_rays,
+)
 from .latlon_grid import LatLonGrid as LatLonGrid
 from .light import AbstractReflection as AbstractReflection
+from .light import Illumination as Illumination
 from .light import TwoFlux as TwoFlux
 from .optics import ICE as ICE
 from .optics import WATER as WATER
@@ -60,7 +75,13 @@ from .scene import (
     BandRadiances as BandRadiances,
 )
 from .scene import (
+    CloudProducts as CloudProducts,
+)
+from .scene import (
     Layer as Layer,
+)
+from .scene import (
+    Sampled as Sampled,
 )
 from .scene import (
     Scene as Scene,
@@ -72,10 +93,10 @@ from .scene import (
     navigate as navigate,
 )
 from .scene import (
-    radiances as radiances,
+    products as products,
 )
 from .scene import (
-    render as render,
+    radiances as radiances,
 )
 from .scene import (
     sample as sample,

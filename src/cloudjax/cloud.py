@@ -13,17 +13,19 @@ as well.
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
+from .footprint import POINT, Footprint
 from .geodesy import geodetic
 from .path import Path, device_array, navigate, upwind
 from .rays import Rays
-from .shell import Shell, chords
+from .shell import Chords, Shell
 from .source import AbstractCloudSource, Occupancy
-from .texture import Fractal, Texture, make_texture
+from .texture import Fractal, Texture, Unresolved, make_texture
 
 
 # Past this many e-folds a barrier is shut; unclipped, exp overflows float32 at 88 and
@@ -31,6 +33,11 @@ from .texture import Fractal, Texture, make_texture
 _MAX_EFOLDS = 30.0
 # Beyond this many widths the level set is decided: ndtr is 0 or 1 to float32.
 _MAX_WIDTHS = 8.0
+# A change of CF within one step that is as good as a jump.
+_MAX_CHANGE = 6.0
+# Sub-pixel structure is taken for common over this part of a cloud's thickness, along
+# the ray: measured against many hard rays per pixel (docs/decisions.md).
+_COMMON_WAY = 0.35
 
 
 class CloudFunction(eqx.Module):
@@ -96,44 +103,44 @@ class CloudFunction(eqx.Module):
 class Latent(eqx.Module):
     """What a pixel does not resolve: one standard Gaussian per ray, by quadrature.
 
-    Averaging the textures over the footprint removes the variance Σ m_i² v_i from CF.
-    A share of it is common to the whole ray and enters as a Gaussian latent, radiances
-    being averaged over its Gauss-Hermite nodes; the rest widens the level set.
+    Averaging the textures over the footprint removes variance from CF. The part that
+    all points of a ray within the cloud have in common enters as a Gaussian latent,
+    radiances being averaged over its Gauss-Hermite nodes; the rest widens the level
+    set.
 
-    **Fields:** `nodes`, `weights` of the quadrature, `share` of the variance.
+    **Fields:** `nodes`, `weights` of the quadrature.
     """
 
     nodes: Float[Array, " nodes"]
     weights: Float[Array, " nodes"]
-    share: Float[Array, ""]
 
     @staticmethod
-    def gauss_hermite(count: int = 3, share: float = 0.8) -> "Latent":
+    def gauss_hermite(count: int = 5) -> "Latent":
         nodes, weights = np.polynomial.hermite_e.hermegauss(count)
         return Latent(
-            jnp.asarray(nodes, float),
-            jnp.asarray(weights / weights.sum(), float),
-            jnp.asarray(share if count > 1 else 0.0, float),
+            jnp.asarray(nodes, float), jnp.asarray(weights / weights.sum(), float)
         )
 
 
 class FractalPath(eqx.Module):
     """A ray's way through a fractal shell.
 
+    Masks and winds are found at the knots, equally far apart from the entry to the
+    exit, and are linear in between.
+
     **Fields:**
 
     - `path`: the geometry.
-    - `mask_entry`, `mask_exit`: weather mask w at both ends of the chord.
+    - `mask`: weather mask w at the knots.
     - `texture_entry`: upwind position of the entry in periods, reduced to [0, 1).
-    - `texture_change`: from the entry to the exit, in periods.
+    - `texture_change`: from the entry to each further knot, in periods.
     - `strain`: ∂x'/∂x of each texture's displacement, None without wind.
     """
 
     path: Path
-    mask_entry: Float[Array, " rays"]
-    mask_exit: Float[Array, " rays"]
+    mask: Float[Array, "rays knots"]
     texture_entry: Float[Array, "rays textures 3"]
-    texture_change: Float[Array, "rays textures 3"]
+    texture_change: Float[Array, "rays textures 3 knots-1"]
     strain: Float[Array, "rays textures 3 3"] | None
 
 
@@ -147,7 +154,7 @@ class FractalSamples(eqx.Module):
     altitude_m: Float[Array, "rays steps"]
     mask: Float[Array, "rays steps"]
     texture_values: tuple[Float[Array, "rays steps"], ...]
-    lost_variances: tuple[Float[Array, ""], ...]
+    unresolved: tuple[Unresolved, ...]
     up: Float[Array, "3 rays steps"] | None
     texture_gradients: tuple[Float[Array, "3 rays steps"], ...] | None
 
@@ -162,6 +169,8 @@ class FractalCloud(AbstractCloudSource):
     - `shell`: the air that is marched.
     - `fractals`, `length_scales_m`: the textures and their periods LS_i.
     - `seed`: of the first texture; the others follow.
+    - `thickness_m`: a usual one of the cloud. Sub-pixel structure is common to rays
+      over a part of it.
     """
 
     function: CloudFunction
@@ -170,6 +179,7 @@ class FractalCloud(AbstractCloudSource):
     fractals: tuple[Fractal, ...] = eqx.field(static=True)
     length_scales_m: tuple[float, ...] = eqx.field(static=True)
     seed: int = eqx.field(static=True, default=0)
+    thickness_m: float = eqx.field(static=True, default=1500.0)
 
     def __check_init__(self):
         counts = {
@@ -185,37 +195,52 @@ class FractalCloud(AbstractCloudSource):
             )
 
     def make_textures(
-        self, footprint_m: float, resolution: int = 128
+        self, footprint: Footprint = POINT, resolution: int = 128
     ) -> tuple[Texture, ...]:
-        """The cloud's textures, averaged over pixels of a width on the ground."""
+        """The cloud's textures, averaged over a kind of pixel."""
         return tuple(
-            make_texture(fractal, self.seed + i, resolution, footprint_m / scale)
+            make_texture(
+                fractal,
+                self.seed + i,
+                resolution,
+                length_scale_m=scale,
+                footprint=footprint,
+                way_m=_COMMON_WAY * self.thickness_m / footprint.slant,
+            )
             for i, (fractal, scale) in enumerate(
                 zip(self.fractals, self.length_scales_m, strict=True)
             )
         )
 
-    def navigate(self, rays: Rays, mask=None, displacements=None) -> FractalPath:
-        """Ways of rays through the shell, on the host in float64."""
-        chord = chords(rays, self.shell)
-        entry = rays.at(chord.entry_m)
-        leave = rays.at(chord.entry_m + chord.length_m)
-        periods = np.asarray(self.length_scales_m)
+    def navigate(
+        self,
+        rays: Rays,
+        chord: Chords,
+        mask=None,
+        displacements=None,
+        *,
+        knots: int = 2,
+    ) -> FractalPath:
+        """Ways of rays along chords of the shell, on the host in float64."""
+        points = [
+            rays.at(chord.entry_m + chord.length_m * fraction)
+            for fraction in np.linspace(0, 1, knots)
+        ]
         maps = displacements
         if not isinstance(maps, Sequence):
-            maps = [displacements] * len(periods)
-        sources = np.stack([_source(entry, m) for m in maps], axis=1)
-        sinks = np.stack([_source(leave, m) for m in maps], axis=1)
+            maps = [displacements] * len(self.length_scales_m)
+        periods = np.asarray(self.length_scales_m)[:, None]
+        sources = [_for_each(maps, _source, point) / periods for point in points]
         strain = None
-        if displacements is not None:
-            strain = np.stack([_strain(entry, m) for m in maps], axis=1)
+        if any(m is not None for m in maps):
+            strain = device_array(_for_each(maps, _strain, points[0]))
+        changes = [source - sources[0] for source in sources[1:]]
         return FractalPath(
             path=navigate(rays, chord),
-            mask_entry=_mask_at(mask, entry),
-            mask_exit=_mask_at(mask, leave),
-            texture_entry=device_array((sources / periods[:, None]) % 1.0),
-            texture_change=device_array((sinks - sources) / periods[:, None]),
-            strain=None if strain is None else device_array(strain),
+            mask=jnp.stack([_mask_at(mask, point) for point in points], axis=-1),
+            texture_entry=device_array(sources[0] % 1.0),
+            texture_change=device_array(np.stack(changes, axis=-1)),
+            strain=strain,
         )
 
     def sample(
@@ -227,30 +252,35 @@ class FractalCloud(AbstractCloudSource):
         with_gradient: bool,
     ) -> FractalSamples:
         distance = way.path.distance_m(steps)
-        along = (jnp.arange(steps, dtype=distance.dtype) + 0.5) / steps
-        mask = (
-            way.mask_entry[:, None]
-            + along[None, :] * ((way.mask_exit - way.mask_entry)[:, None])
-        )
-        values, gradients = [], []
+        hats = _hats(way.mask.shape[-1], steps)
+        mask = _between_knots([w[:, None] for w in way.mask.T], hats)
+        values, gradients, unresolved = [], [], []
         for i, texture in enumerate(textures):
-            entry, change = way.texture_entry[:, i].T, way.texture_change[:, i].T
-            u = entry[..., None] + change[..., None] * along[None, None, :]
+            entry, change = way.texture_entry[:, i].T, way.texture_change[:, i]
+            changes = [change[..., j].T[..., None] for j in range(change.shape[-1])]
+            u = entry[..., None] + _between_knots(changes, hats[1:])
+            lost = texture.unresolved
             if with_gradient:
                 value, gradient = texture.sample_with_gradient(u)
                 gradient = gradient / self.length_scales_m[i]
                 if way.strain is not None:
                     gradient = jnp.einsum("rka,krs->ars", way.strain[:, i], gradient)
+                    stretch = jnp.sum(way.strain[:, i] ** 2, axis=(1, 2)) / 3
+                    lost = eqx.tree_at(lambda u: u.slope, lost, lost.slope * stretch)
                 gradients.append(gradient)
             else:
                 value = texture.sample(u)
             values.append(value)
+            rays = distance.shape[0]
+            unresolved.append(
+                jax.tree.map(lambda v, rays=rays: jnp.broadcast_to(v, (rays,)), lost)
+            )
         return FractalSamples(
             distance_m=distance,
             altitude_m=way.path.altitude_m(distance),
             mask=mask,
             texture_values=tuple(values),
-            lost_variances=tuple(t.lost_variance for t in textures),
+            unresolved=tuple(unresolved),
             up=way.path.up(distance) if with_gradient else None,
             texture_gradients=tuple(gradients) if with_gradient else None,
         )
@@ -259,19 +289,57 @@ class FractalCloud(AbstractCloudSource):
         """The soft level set: how much of each step is cloud, for each latent node."""
         f = self.function
         value = f(samples.texture_values, samples.mask, samples.altitude_m)
-        lost = sum(f.weights[i] ** 2 * v for i, v in enumerate(samples.lost_variances))
+        lost = [
+            jax.tree.map(lambda v, m=f.weights[i]: m**2 * v, unresolved)
+            for i, unresolved in enumerate(samples.unresolved)
+        ]
+        none = jnp.zeros(value.shape[0])
+        common = sum((u.common for u in lost), none)
+        own = sum((u.own for u in lost), none)
+        if self.latent.nodes.shape[0] == 1:
+            common, own = none, own + common
         # The floors keep the slopes of the roots finite where nothing is lost.
-        left = f.smoothing**2 + (1 - self.latent.share) * lost
+        left = (f.smoothing**2 + own)[:, None] + _spread_of_steps(value)
         width = jnp.sqrt(jnp.maximum(left, 1e-12))
-        shift = jnp.sqrt(jnp.maximum(self.latent.share * lost, 1e-12))
-        shifted = value[None] + (self.latent.nodes * shift)[:, None, None]
-        widths = jnp.clip(shifted / width, -_MAX_WIDTHS, _MAX_WIDTHS)
+        shift = jnp.sqrt(jnp.maximum(common, 1e-12))[:, None]
+        shifted = value[None] + self.latent.nodes[:, None, None] * shift[None]
+        widths = jnp.clip(shifted / width[None], -_MAX_WIDTHS, _MAX_WIDTHS)
         gradient = None
         if samples.texture_gradients is not None and samples.up is not None:
             gradient = f.gradient(
                 samples.texture_gradients, samples.altitude_m, samples.up
             )
-        return Occupancy(ndtr(widths), self.latent.weights, gradient)
+        slope = sum((u.slope for u in lost), none)
+        return Occupancy(ndtr(widths), self.latent.weights, gradient, slope)
+
+
+def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays steps"]:
+    """Variance of CF within each step, as of a straight line: (change)²/12.
+
+    It makes the share of a step that is cloud right where the level set cuts it, so
+    that the march converges with the square of the step.
+    """
+    if value.shape[-1] == 1:
+        return jnp.zeros_like(value)
+    change = jnp.diff(value, axis=-1)
+    inner = (change[:, 1:] + change[:, :-1]) / 2
+    whole = jnp.concatenate([change[:, :1], inner, change[:, -1:]], axis=-1)
+    # Where a barrier shuts within one step, no width can say where.
+    return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
+
+
+def _hats(knots: int, steps: int) -> Float[np.ndarray, "knots steps"]:
+    """Weight of each knot at the middle of each step."""
+    at = (np.arange(steps) + 0.5) / steps * (knots - 1)
+    return np.maximum(1 - np.abs(at[None] - np.arange(knots)[:, None]), 0)
+
+
+def _between_knots(values, hats) -> Array:
+    """An explicit sum of few terms, each [... 1] times [steps]."""
+    total = values[0] * hats[0]
+    for value, hat in zip(values[1:], hats[1:], strict=True):
+        total = total + value * hat
+    return total
 
 
 def _mask_at(mask, position_m) -> Float[Array, " rays"]:
@@ -279,6 +347,12 @@ def _mask_at(mask, position_m) -> Float[Array, " rays"]:
         return jnp.zeros(len(position_m))
     latitude, longitude, _ = geodetic(position_m)
     return device_array(mask(latitude, longitude))
+
+
+def _for_each(maps, function, position_m) -> Float[np.ndarray, "rays textures ..."]:
+    """A function of positions and each map, done once for maps that are the same."""
+    found = {id(m): function(position_m, m) for m in maps}
+    return np.stack([found[id(m)] for m in maps], axis=1)
 
 
 def _source(position_m, displacement):

@@ -13,6 +13,21 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
+class Illumination(eqx.Module):
+    """How the sun stands to the first surface of the cloud.
+
+    **Fields:**
+
+    - `lit`, `shaded`: means of max(n·s, 0) and max(-n·s, 0) over the surface that is
+      seen, n the normals and s the direction of the sun.
+    - `sun_height`: cosine of the solar zenith angle.
+    """
+
+    lit: Float[Array, "nodes rays"]
+    shaded: Float[Array, "nodes rays"]
+    sun_height: Float[Array, " rays"]
+
+
 class AbstractReflection(eqx.Module):
     """How sunlight comes back from a cloud."""
 
@@ -21,8 +36,7 @@ class AbstractReflection(eqx.Module):
         self,
         optical_depth: Float[Array, "nodes rays"],
         co_albedo: Float[Array, ""],
-        facing: Float[Array, "nodes rays"],
-        sun_height: Float[Array, " rays"],
+        light: Illumination,
     ) -> Float[Array, "nodes rays"]:
         """Reflectance factor πL/E of the cloud alone.
 
@@ -30,8 +44,7 @@ class AbstractReflection(eqx.Module):
 
         - `optical_depth`: along the line of sight.
         - `co_albedo`: 1 - ω.
-        - `facing`: cosine between the first surface's normal and the sun.
-        - `sun_height`: cosine of the solar zenith angle.
+        - `light`: how the sun stands to the cloud.
         """
 
 
@@ -44,16 +57,15 @@ class TwoFlux(AbstractReflection):
 
     indirect: Float[Array, ""]
 
-    def __call__(self, optical_depth, co_albedo, facing, sun_height):
+    def __call__(self, optical_depth, co_albedo, light):
         reflected, transmitted = slab(optical_depth, co_albedo)
         # What the far side emits is what came through by scattering: eq. (3a) less
         # the direct beam, eq. (5), which the background already has. Never negative,
         # for exp(τ) >= 1 + τ.
         diffuse = jnp.maximum(transmitted - jnp.exp(-optical_depth), 0)
-        lit, shaded = jnp.maximum(facing, 0), jnp.maximum(-facing, 0)
-        overhead = jnp.maximum(sun_height, 0)[None] * reflected
-        direct = lit * reflected + shaded * diffuse
-        day = (sun_height > 0)[None]
+        overhead = jnp.maximum(light.sun_height, 0)[None] * reflected
+        direct = light.lit * reflected + light.shaded * diffuse
+        day = (light.sun_height > 0)[None]
         return jnp.where(
             day, (1 - self.indirect) * direct + self.indirect * overhead, 0.0
         )

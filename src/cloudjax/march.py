@@ -6,6 +6,7 @@ exponential within each segment.
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
 from .source import Occupancy
@@ -20,12 +21,14 @@ class March(eqx.Module):
     - `segment_m`: the same within each step.
     - `weights`: of the sub-pixel structures (the nodes).
     - `gradient`: points into the cloud; None where no normals are asked.
+    - `slope_variance`: of each component of the gradient, below the resolution.
     """
 
     cloud_m: Float[Array, "nodes rays steps"]
     segment_m: Float[Array, "nodes rays steps"]
     weights: Float[Array, " nodes"]
     gradient: Float[Array, "3 rays steps"] | None
+    slope_variance: Float[Array, " rays"]
 
     @property
     def depth_m(self) -> Float[Array, "nodes rays"]:
@@ -39,6 +42,13 @@ class March(eqx.Module):
         before = jnp.exp(-extinction_per_m * (self.cloud_m - self.segment_m))
         return before * -jnp.expm1(-extinction_per_m * self.segment_m)
 
+    def transmittance(
+        self, extinction_per_m: Float[Array, ""]
+    ) -> Float[Array, "rays steps+1"]:
+        """Mean over sub-pixel structures, from the entry to the end of each step."""
+        through = self.mean(jnp.exp(-extinction_per_m * self.cloud_m))
+        return jnp.concatenate([jnp.ones_like(through[:, :1]), through], axis=-1)
+
     def mean(self, per_node: Float[Array, "nodes *rest"]) -> Float[Array, "*rest"]:
         """The average over the sub-pixel structures."""
         return jnp.tensordot(self.weights, per_node, axes=1)
@@ -49,36 +59,89 @@ def march(occupancy: Occupancy, length_m: Float[Array, " rays"]) -> March:
     steps = occupancy.fraction.shape[-1]
     segment = occupancy.fraction * (length_m / steps)[None, :, None]
     return March(
-        jnp.cumsum(segment, axis=-1), segment, occupancy.weights, occupancy.gradient
+        jnp.cumsum(segment, axis=-1),
+        segment,
+        occupancy.weights,
+        occupancy.gradient,
+        occupancy.slope_variance,
     )
 
 
 class FirstSurface(eqx.Module):
     """Where a ray is expected to meet the cloud, by the weights of what it absorbs.
 
+    A pixel sees a rough surface: slopes that it does not resolve have a normal
+    distribution about their mean.
+
     **Fields:**
 
     - `distance_m`: from the entry into the shell; meaningless without cloud.
-    - `normal`: unit vector out of the cloud.
+    - `slope`: mean of -∇CF over what is seen, points out of the cloud.
+    - `slope_variance`: of each component.
     """
 
     distance_m: Float[Array, "nodes rays"]
-    normal: Float[Array, "3 nodes rays"]
+    slope: Float[Array, "3 nodes rays"]
+    slope_variance: Float[Array, " rays"]
+
+    @property
+    def normal(self) -> Float[Array, "3 nodes rays"]:
+        """Unit vector along the mean slope."""
+        return self.slope / jnp.sqrt((self.slope**2).sum(0) + 1e-24)[None]
+
+    def illumination(
+        self, sun_direction: Float[Array, "3"]
+    ) -> tuple[Float[Array, "nodes rays"], Float[Array, "nodes rays"]]:
+        """Means of max(n·s, 0) and of max(-n·s, 0) over the rough surface.
+
+        n = slope/|slope|, with the root mean square of |slope| for the denominator;
+        n·s is normal with mean m and deviation σ: E max(x, 0) = m Φ(m/σ) + σ φ(m/σ).
+        """
+        size = jnp.sqrt((self.slope**2).sum(0) + 3 * self.slope_variance[None] + 1e-24)
+        mean = jnp.sum(self.slope * sun_direction[:, None, None], axis=0) / size
+        spread = jnp.sqrt(self.slope_variance[None] / size**2 + 1e-8)
+        lit = mean * ndtr(mean / spread) + spread * _normal(mean / spread)
+        return lit, lit - mean
 
 
 def first_surface(
     absorbed: Float[Array, "nodes rays steps"],
     distance_m: Float[Array, "rays steps"],
     gradient: Float[Array, "3 rays steps"],
+    slope_variance: Float[Array, " rays"],
     up: Float[Array, "3 rays steps"],
+    direction: Float[Array, "rays 3"],
 ) -> FirstSurface:
-    """The expected depth and normal of the first surface (section 2.1)."""
+    """The expected depth and slope of the first surface (section 2.1).
+
+    **Arguments:** `direction`: of the rays.
+    """
     total = jnp.maximum(absorbed.sum(-1), 1e-12)
     distance = (absorbed * distance_m[None]).sum(-1) / total
     # A trace of the vertical decides where the cloud function is flat, and keeps the
     # normalisation finite. 1e-9 per metre is far below any slope of CF.
     outward = 1e-9 * up - gradient
     weights = absorbed / total[..., None]
-    mean = jnp.stack([(weights * component[None]).sum(-1) for component in outward])
-    length = jnp.sqrt((mean**2).sum(0) + 1e-24)
-    return FirstSurface(distance, mean / length[None])
+    slope = jnp.stack([(weights * component[None]).sum(-1) for component in outward])
+    back = direction.T[:, None, :]
+    gained = _turned_to_viewer(-(slope * back).sum(0), slope_variance[None])
+    return FirstSurface(distance, slope - gained[None] * back, slope_variance)
+
+
+def _turned_to_viewer(rise, variance):
+    """By how much the rise of CF along a ray is greater where the ray enters cloud.
+
+    Of a rough surface a ray meets the parts that face it, with a probability in
+    proportion to the rise x (Rice 1944): the mean of x there is E[x²; x > 0]/E[x; x >
+    0], for a normal x = σ ((t² + 1) Φ + t φ)/(t Φ + φ) with t the mean over σ.
+    """
+    σ = jnp.sqrt(variance + 1e-18)
+    # Beyond these both parts are small differences of large numbers, and gain nothing.
+    t = jnp.clip(rise / σ, -4.0, 10.0)
+    Φ, φ = ndtr(t), _normal(t)
+    mean = ((t**2 + 1) * Φ + t * φ) / (t * Φ + φ)
+    return σ * (mean - t)
+
+
+def _normal(x):
+    return jnp.exp(-(jnp.clip(x, -12.0, 12.0) ** 2) / 2) / jnp.sqrt(2 * jnp.pi)

@@ -43,23 +43,32 @@ def chords(rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80) -> Chords:
     """The first chord of each ray through a shell, from wherever the sensor stands.
 
     The sensor may be above, within or below the shell. A ray that grazes the Earth
-    crosses a hollow shell twice; its second chord, seen through the first and through
-    the air below, is left out.
+    crosses a hollow shell twice: `second_chords` has the rest.
     """
-    near, far, hits = intersect(
-        rays.origin_m, rays.direction, ellipsoid.raised(shell.top_m)
-    )
-    floor_near, floor_far, hits_floor = intersect(
-        rays.origin_m, rays.direction, ellipsoid.raised(shell.bottom_m)
-    )
-    ground_near, ground_far, hits_ground = intersect(
-        rays.origin_m, rays.direction, ellipsoid
-    )
+    near, far, hits = _cut(rays, ellipsoid.raised(shell.top_m))
+    floor_near, floor_far, hits_floor = _cut(rays, ellipsoid.raised(shell.bottom_m))
     below = hits_floor & (floor_near <= 0) & (floor_far > 0)
     start = np.where(below, floor_far, np.maximum(near, 0))
     end = np.where(hits_floor & (floor_near > 0), floor_near, far)
-    # From below the shell, the ground hides what lies behind it. The middle of its
-    # chord tells ahead from behind even where the sensor stands on it.
-    hidden = below & hits_ground & (ground_near + ground_far > 0)
-    length = np.where(hits & ~hidden, np.maximum(end - start, 0), 0)
-    return Chords(start, length)
+    # From below the shell, the ground hides what lies behind it.
+    seen = hits & ~(below & _meets_ground(rays, ellipsoid))
+    return Chords(start, np.where(seen, np.maximum(end - start, 0), 0))
+
+
+def second_chords(rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80) -> Chords:
+    """What a ray that grazes the Earth crosses again of a shell, beyond its floor."""
+    _, far, hits = _cut(rays, ellipsoid.raised(shell.top_m))
+    floor_near, floor_far, hits_floor = _cut(rays, ellipsoid.raised(shell.bottom_m))
+    seen = hits & hits_floor & (floor_near > 0) & ~_meets_ground(rays, ellipsoid)
+    return Chords(floor_far, np.where(seen, np.maximum(far - floor_far, 0), 0))
+
+
+def _cut(rays: Rays, ellipsoid: Ellipsoid):
+    return intersect(rays.origin_m, rays.direction, ellipsoid)
+
+
+def _meets_ground(rays: Rays, ellipsoid: Ellipsoid):
+    # The middle of its chord tells ahead from behind even where the sensor stands on
+    # the ground.
+    near, far, hits = _cut(rays, ellipsoid)
+    return hits & (near + far > 0)

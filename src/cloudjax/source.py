@@ -6,7 +6,9 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from .footprint import Footprint
 from .rays import Rays
+from .shell import Chords, Shell
 
 
 class Occupancy(eqx.Module):
@@ -14,14 +16,16 @@ class Occupancy(eqx.Module):
 
     **Fields:**
 
-    - `fraction`: in [0, 1], for each of the equally possible sub-pixel structures.
+    - `fraction`: in [0, 1], for each of the possible sub-pixel structures.
     - `weights`: of those structures, adding up to 1.
     - `gradient`: points into the cloud; needed for surface normals only.
+    - `slope_variance`: of each component of the gradient, below the resolution.
     """
 
     fraction: Float[Array, "nodes rays steps"]
     weights: Float[Array, " nodes"]
     gradient: Float[Array, "3 rays steps"] | None
+    slope_variance: Float[Array, " rays"]
 
 
 class AbstractCloudSource(eqx.Module):
@@ -30,21 +34,30 @@ class AbstractCloudSource(eqx.Module):
     A source answers in two parts, so that a fit can hold on to the first: `sample`
     does all that depends on where the rays run, `occupancy` all that depends on the
     parameters.
+
+    **Fields:** `shell`: the air that holds all of it.
     """
 
-    @abc.abstractmethod
-    def make_textures(self, footprint_m: float, resolution: int) -> tuple:
-        """The data that `sample` reads, averaged over pixels of a width."""
+    shell: eqx.AbstractVar[Shell]
 
     @abc.abstractmethod
-    def navigate(self, rays: Rays, mask=None, displacements=None) -> Any:
-        """The ways of rays through the source, on the host in float64.
+    def make_textures(self, footprint: Footprint, resolution: int) -> tuple:
+        """The data that `sample` reads, averaged over a kind of pixel."""
+
+    @abc.abstractmethod
+    def navigate(
+        self, rays: Rays, chord: Chords, mask=None, displacements=None, *, knots: int
+    ) -> Any:
+        """The ways of rays along chords, on the host in float64.
 
         **Arguments:**
 
         - `mask`: a callable from latitude and longitude in degrees to w; none is 0.
         - `displacements`: one displacement map, or one for each texture; None for
           still air.
+        - `knots`: points of a chord between which masks and winds are linear.
+
+        **Returns:** a module that holds the `path`.
         """
 
     @abc.abstractmethod

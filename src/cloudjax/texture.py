@@ -12,7 +12,29 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
+
+from .footprint import POINT, Footprint
+
+
+class Unresolved(eqx.Module):
+    """What averaging over the footprint took from a texture, as variances.
+
+    **Fields:**
+
+    - `common`: of the part that all points of a ray within the cloud share.
+    - `own`: of the rest of the values.
+    - `slope`: of each component of the gradient, per metre squared.
+    """
+
+    common: Float[Array, "*rays"]
+    own: Float[Array, "*rays"]
+    slope: Float[Array, "*rays"]
+
+    @property
+    def variance(self) -> Float[Array, "*rays"]:
+        """Of the values, 1 at most."""
+        return self.common + self.own
 
 
 class Texture(eqx.Module):
@@ -21,12 +43,11 @@ class Texture(eqx.Module):
     **Fields:**
 
     - `voxels`: values at the nodes i/n.
-    - `lost_variance`: what averaging over the footprint removed from the variance of
-      the field, 1 at most; the soft level set needs it (see `cloud.py`).
+    - `unresolved`: what averaging removed; the level set needs it (`cloud.py`).
     """
 
     voxels: Float[Array, "n n n"]
-    lost_variance: Float[Array, ""]
+    unresolved: Unresolved
 
     def sample(self, u: Float[Array, "3 *points"]) -> Float[Array, " *points"]:
         """Trilinear interpolation at positions `u` in periods, periodic."""
@@ -141,7 +162,13 @@ Fractal = Perlin | InvertedWorley
 
 
 def make_texture(
-    fractal: Fractal, seed: int, resolution: int = 128, footprint: float = 0.0
+    fractal: Fractal,
+    seed: int,
+    resolution: int = 128,
+    *,
+    length_scale_m: float = 1.0,
+    footprint: Footprint = POINT,
+    way_m: float = 0.0,
 ) -> Texture:
     """A texture of mean 0 and variance 1, averaged over a footprint.
 
@@ -149,9 +176,11 @@ def make_texture(
 
     - `fractal`, `seed`: same seed, same texture.
     - `resolution`: voxels per axis.
-    - `footprint`: the width of a pixel as a fraction of the period. The average is a
-      Gaussian with the variance of a box of that width, the same in all directions,
-      so that no orientation has to be known.
+    - `length_scale_m`: the period.
+    - `footprint`: of the pixels. The average is a Gaussian with the variances of a box
+      of that size on the level surface; the vertical stays as sharp as it is, for rays
+      resolve it.
+    - `way_m`: within how much of a ray the common part of what is lost is common.
     """
     if fractal.finest_cells * 2 > resolution:
         raise ValueError(
@@ -159,42 +188,75 @@ def make_texture(
             f"{resolution} voxels cannot resolve them: use at least two per cell."
         )
     return _averaged(
-        _standardised(fractal, seed, resolution), jnp.asarray(footprint, float)
+        _spectrum(fractal, seed, resolution),
+        jnp.asarray(footprint.covariance_m2 / length_scale_m**2, float),
+        jnp.asarray(footprint.view * way_m / length_scale_m, float),
+        jnp.asarray(length_scale_m, float),
+        resolution,
     )
 
 
-@ft.lru_cache(maxsize=16)
-def _standardised(fractal: Fractal, seed: int, resolution: int):
-    field = fractal.field(seed, resolution)
-    field -= field.mean()
-    return field / jnp.sqrt(_interpolated_variance(field))
+@ft.lru_cache(maxsize=32)
+def _spectrum(fractal: Fractal, seed: int, resolution: int):
+    """Of the texture of mean 0 whose trilinear interpolant has variance 1."""
+    spectrum = jnp.fft.rfftn(fractal.field(seed, resolution)).at[0, 0, 0].set(0)
+    return spectrum / jnp.sqrt(jnp.sum(_power(spectrum, resolution)))
 
 
-@jax.jit
-def _averaged(raw: Float[Array, "n n n"], footprint: Float[Array, ""]) -> Texture:
-    n = raw.shape[0]
-    k = [jnp.fft.fftfreq(n), jnp.fft.fftfreq(n), jnp.fft.rfftfreq(n)]
-    k2 = sum(axis**2 for axis in jnp.meshgrid(*k, indexing="ij", sparse=True))
-    σ2 = (footprint * n) ** 2 / 12
-    transfer = jnp.exp(-2 * jnp.pi**2 * σ2 * k2)
-    filtered = jnp.fft.irfftn(jnp.fft.rfftn(raw) * transfer, s=raw.shape)
-    lost = _interpolated_variance(raw) - _interpolated_variance(filtered)
-    # No footprint loses nothing, whatever rounding says.
-    return Texture(filtered, jnp.where(footprint > 0, jnp.clip(lost, 0, 1), 0.0))
+@ft.partial(jax.jit, static_argnames="n")
+def _averaged(
+    spectrum: Complex[Array, "n n m"],
+    covariance: Float[Array, "3 3"],
+    way: Float[Array, "3"],
+    length_scale_m: Float[Array, ""],
+    n: int,
+) -> Texture:
+    """Multiply by the Gaussian exp(-2π² kᵀΣk), and add up what that removes.
 
-
-def _interpolated_variance(voxels: Float[Array, "n n n"]) -> Float[Array, ""]:
-    """Variance of the trilinear interpolant over all space, not only at the nodes.
-
-    Along one axis the mean of ((1-t) a + t b)² over t is (2 R₀ + R₁) / 3 with the
-    autocorrelations R; a filter with those weights gives the product over the axes. It
-    is symmetric, for one texture has not the same R along both diagonals.
+    Two points of a ray have the correlation of the lost field at their distance; its
+    mean over all pairs within `way` is the common share, sinc²(k·way) for each wave.
     """
-    smoothed = voxels
-    for axis in range(3):
-        sides = jnp.roll(smoothed, 1, axis) + jnp.roll(smoothed, -1, axis)
-        smoothed = (4 * smoothed + sides) / 6
-    return (voxels * smoothed).mean() - voxels.mean() ** 2
+    k = _waves(n)
+    squares = sum(covariance[a, b] * k[a] * k[b] for a in range(3) for b in range(3))
+    transfer = jnp.exp(-2 * jnp.pi**2 * squares)
+    lost = _power(spectrum, n) * (1 - transfer**2)
+    common = jnp.sinc(way[0] * k[0] + way[1] * k[1] + way[2] * k[2]) ** 2
+    # Differences between nodes are the interpolant's slopes, of no blunting along them.
+    steep = sum(
+        (2 * n * jnp.sin(jnp.pi * axis / n)) ** 2 / _blunting(axis, n) for axis in k
+    )
+    total = jnp.clip(jnp.sum(lost), 0, 1)
+    shared = jnp.clip(jnp.sum(lost * common), 0, total)
+    return Texture(
+        jnp.fft.irfftn(spectrum * transfer, s=(n, n, n)),
+        Unresolved(
+            common=shared,
+            own=total - shared,
+            slope=jnp.sum(lost * steep) / (3 * length_scale_m**2),
+        ),
+    )
+
+
+def _waves(n: int):
+    k = [jnp.fft.fftfreq(n, 1 / n)] * 2 + [jnp.fft.rfftfreq(n, 1 / n)]
+    return jnp.meshgrid(*k, indexing="ij", sparse=True)
+
+
+def _power(spectrum: Complex[Array, "n n m"], n: int) -> Float[Array, "n n m"]:
+    """What each wave adds to the variance of the trilinear interpolant.
+
+    Not only at the nodes: along one axis the mean of ((1-t) a + t b)² over t is
+    (2 R₀ + R₁)/3 with the autocorrelations R, which multiplies the power of a wave by
+    (2 + cos(2πk/n))/3. A real transform holds most waves once for two.
+    """
+    k = _waves(n)
+    blunted = _blunting(k[0], n) * _blunting(k[1], n) * _blunting(k[2], n)
+    twice = jnp.where((k[2] == 0) | (2 * k[2] == n), 1.0, 2.0)
+    return twice * blunted * jnp.abs(spectrum / n**3) ** 2
+
+
+def _blunting(k, n: int):
+    return (2 + jnp.cos(2 * jnp.pi * k / n)) / 3
 
 
 def _unit_vectors(rng: np.random.Generator, shape) -> Float[np.ndarray, "*shape 3"]:
