@@ -28,5 +28,7 @@ from .transfer import Fetched as Fetched
 from .transfer import Progress as Progress
 from .transfer import fetch as fetch
 from .weather import WeatherCube as WeatherCube
+from .weather import check_altitude as check_altitude
 from .weather import check_time as check_time
 from .weather import read_weather as read_weather
+from .weather_series import WeatherSeries as WeatherSeries

@@ -16,6 +16,11 @@ from .radiances import compare as compare
 from .radiances import read_radiances as read_radiances
 from .report import write_comparison as write_comparison
 from .selection import CloudRule as CloudRule
+from .sensor_band import SensorBand as SensorBand
+from .sensor_band import nominal_bands as nominal_bands
+from .sensor_file import Sensor as Sensor
+from .sensor_file import read_sensor as read_sensor
+from .surface import Surface as Surface
 from .target import BandTarget as BandTarget
 from .target import Target as Target
 from .target_file import read_target as read_target

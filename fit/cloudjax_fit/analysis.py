@@ -15,8 +15,7 @@ from cloudjax import (
     cloud_fraction,
 )
 from cloudjax.advection import DisplacementMap, Wind, displacement_map
-from cloudjax_data import WeatherCube
-from cloudjax_data.weather import check_altitude
+from cloudjax_data import WeatherCube, check_altitude
 
 from .target import Target
 

@@ -7,9 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cloudjax_data import DataError, check_time, read_weather
-from cloudjax_data.weather import check_altitude
-from cloudjax_data.weather_series import WeatherSeries
+from cloudjax_data import (
+    DataError,
+    WeatherSeries,
+    check_altitude,
+    check_time,
+    read_weather,
+)
 from tests.generated import write_grib, write_lambert_grib
 
 
