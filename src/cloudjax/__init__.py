@@ -75,9 +75,6 @@ from .scene import (
     BandRadiances as BandRadiances,
 )
 from .scene import (
-    CloudProducts as CloudProducts,
-)
-from .scene import (
     Layer as Layer,
 )
 from .scene import (
@@ -91,12 +88,6 @@ from .scene import (
 )
 from .scene import (
     navigate as navigate,
-)
-from .scene import (
-    products as products,
-)
-from .scene import (
-    radiances as radiances,
 )
 from .scene import (
     sample as sample,
@@ -115,6 +106,15 @@ from .texture import (
 )
 from .texture import (
     make_texture as make_texture,
+)
+from .transfer import (
+    CloudProducts as CloudProducts,
+)
+from .transfer import (
+    products as products,
+)
+from .transfer import (
+    radiances as radiances,
 )
 from .weather import (
     Conditions as Conditions,

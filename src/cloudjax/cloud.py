@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 from .footprint import POINT, Footprint
 from .geodesy import geodetic
-from .path import Path, device_array, navigate, upwind
+from .path import Path, along_chord, device_array, navigate, points_along, upwind
 from .rays import Rays
 from .shell import Chords, Shell
 from .source import AbstractCloudSource, Occupancy
@@ -222,10 +222,7 @@ class FractalCloud(AbstractCloudSource):
         knots: int = 2,
     ) -> FractalPath:
         """Ways of rays along chords of the shell, on the host in float64."""
-        points = [
-            rays.at(chord.entry_m + chord.length_m * fraction)
-            for fraction in np.linspace(0, 1, knots)
-        ]
+        points = points_along(rays, chord, knots)
         maps = displacements
         if not isinstance(maps, Sequence):
             maps = [displacements] * len(self.length_scales_m)
@@ -252,13 +249,15 @@ class FractalCloud(AbstractCloudSource):
         with_gradient: bool,
     ) -> FractalSamples:
         distance = way.path.distance_m(steps)
-        hats = _hats(way.mask.shape[-1], steps)
-        mask = _between_knots([w[:, None] for w in way.mask.T], hats)
+        mask = along_chord(way.mask.T[..., None], steps)
         values, gradients, unresolved = [], [], []
         for i, texture in enumerate(textures):
             entry, change = way.texture_entry[:, i].T, way.texture_change[:, i]
-            changes = [change[..., j].T[..., None] for j in range(change.shape[-1])]
-            u = entry[..., None] + _between_knots(changes, hats[1:])
+            ways = [
+                jnp.zeros((3, 1, 1)),
+                *jnp.moveaxis(change, (2, 1), (0, 1))[..., None],
+            ]
+            u = entry[..., None] + along_chord(ways, steps)
             lost = texture.unresolved
             if with_gradient:
                 value, gradient = texture.sample_with_gradient(u)
@@ -326,20 +325,6 @@ def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays st
     whole = jnp.concatenate([change[:, :1], inner, change[:, -1:]], axis=-1)
     # Where a barrier shuts within one step, no width can say where.
     return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
-
-
-def _hats(knots: int, steps: int) -> Float[np.ndarray, "knots steps"]:
-    """Weight of each knot at the middle of each step."""
-    at = (np.arange(steps) + 0.5) / steps * (knots - 1)
-    return np.maximum(1 - np.abs(at[None] - np.arange(knots)[:, None]), 0)
-
-
-def _between_knots(values, hats) -> Array:
-    """An explicit sum of few terms, each [... 1] times [steps]."""
-    total = values[0] * hats[0]
-    for value, hat in zip(values[1:], hats[1:], strict=True):
-        total = total + value * hat
-    return total
 
 
 def _mask_at(mask, position_m) -> Float[Array, " rays"]:

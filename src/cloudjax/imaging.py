@@ -16,18 +16,9 @@ from jaxtyping import Float, Int
 
 from .footprint import Footprint, Kind, kind_of, kinds
 from .rays import Rays
-from .scene import (
-    BandRadiances,
-    CloudProducts,
-    Sampled,
-    Scene,
-    join,
-    navigate,
-    products,
-    radiances,
-    sample,
-)
+from .scene import BandRadiances, Sampled, Scene, join, navigate, sample
 from .shell import Shell
+from .transfer import CloudProducts, products, radiances
 
 
 # Radiances without cloud of the rays of these numbers.
@@ -42,13 +33,14 @@ _SORTED_AT_ONCE = 1 << 18
 
 @dataclass(frozen=True, eq=False)
 class Weather:
-    """What moves and masks the clouds of a scene.
+    """What masks, moves and warms the clouds of a scene.
 
-    **Fields:** `masks`, `displacements`: as `navigate` takes them; None for neither.
+    **Fields:** `masks`, `displacements`, `temperature`: as `navigate` takes them.
     """
 
     masks: Sequence | None = None
     displacements: Sequence | None = None
+    temperature: Callable | None = None
 
 
 CALM = Weather()
@@ -116,6 +108,7 @@ def render(
             sun_direction,
             weather.masks,
             weather.displacements,
+            weather.temperature,
             knots=kind.knots,
             twice=kind.twice,
         )
@@ -148,7 +141,12 @@ def sample_rays(
         scene, rays, len(rays), resolution, tile, alike=True
     ):
         view = navigate(
-            scene, rays[filled], sun_direction, weather.masks, weather.displacements
+            scene,
+            rays[filled],
+            sun_direction,
+            weather.masks,
+            weather.displacements,
+            weather.temperature,
         )
         part = _sample(scene, view, textures)
         parts.append(_first(part, len(index)))

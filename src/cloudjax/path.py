@@ -1,5 +1,7 @@
 """The way of a ray through a shell, in small local numbers for the device."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -69,6 +71,30 @@ def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
         direction=device_array(rays.direction),
         entry_up=device_array(vertical),
     )
+
+
+def points_along(
+    rays: Rays, chord: Chords, knots: int
+) -> list[Float[np.ndarray, "rays 3"]]:
+    """ECEF positions on the chords, equally far apart from the entry to the exit."""
+    return [
+        rays.at(chord.entry_m + chord.length_m * fraction)
+        for fraction in np.linspace(0, 1, knots)
+    ]
+
+
+def along_chord(
+    knots: Sequence[Float[Array, "..."]] | Float[Array, "knots ..."], steps: int
+) -> Float[Array, "... {steps}"]:
+    """From values at the knots, [... 1] each, to the middle of equal steps.
+
+    Linear in between; an explicit sum of few terms.
+    """
+    at = (np.arange(steps) + 0.5) / steps * (len(knots) - 1)
+    total = knots[0] * np.maximum(1 - at, 0)
+    for i in range(1, len(knots)):
+        total = total + knots[i] * np.maximum(1 - np.abs(at - i), 0)
+    return total
 
 
 def upwind(

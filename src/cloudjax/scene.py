@@ -6,8 +6,7 @@ do; `radiances` for every change of the parameters. `imaging` does all three for
 images.
 """
 
-from collections.abc import Sequence
-from typing import cast
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -17,17 +16,12 @@ from jaxtyping import Array, Float, PyTree
 
 from .atmosphere import AbstractTemperature
 from .bands import EmissiveBands, ReflectiveBands
-from .light import AbstractReflection, Illumination
-from .march import March, first_surface, march
-from .order import Place, Stretch, overlap, place
-from .path import Path, device_array
+from .geodesy import geodetic
+from .light import AbstractReflection
+from .path import Path, along_chord, device_array, points_along
 from .rays import Rays
 from .shell import chords, second_chords
 from .source import AbstractCloudSource
-
-
-# Optical depth at which imagers begin to call a pixel cloudy.
-VISIBLE_DEPTH = 0.3
 
 
 class Layer(eqx.Module):
@@ -96,12 +90,14 @@ class View(eqx.Module):
 
     - `ways`: one for each layer, and more for layers that rays meet twice.
     - `start_m`: where each way begins along the ray, relative to the first.
+    - `air_k`: temperature at the knots of each way; None where the scene's own serves.
     - `sun_direction`: unit vector from the Earth, ECEF.
     - `layer_of`: the layer of each way.
     """
 
     ways: tuple[PyTree, ...]
     start_m: tuple[Float[Array, " rays"], ...]
+    air_k: tuple[Float[Array, "rays knots"], ...] | None
     sun_direction: Float[Array, "3"]
     layer_of: tuple[int, ...] = eqx.field(static=True)
 
@@ -112,6 +108,7 @@ def navigate(
     sun_direction: Float[np.ndarray, "3"],
     masks: Sequence | None = None,
     displacements: Sequence | None = None,
+    temperature: Callable | None = None,
     *,
     knots: int = 2,
     twice: bool = False,
@@ -123,11 +120,13 @@ def navigate(
     - `sun_direction`: unit vector from the Earth to the sun, ECEF.
     - `masks`: for each layer a callable (latitude, longitude) → w, or None.
     - `displacements`: for each layer a displacement map, or one per texture, or None.
-    - `knots`: points of a chord between which masks and winds are linear.
+    - `temperature`: a callable (latitude, longitude, altitude_m) → kelvin, where air
+      differs from place to place; None for that of the scene.
+    - `knots`: points of a chord between which masks, winds and temperatures are linear.
     - `twice`: follow rays that graze the Earth into a shell a second time.
     """
     none = [None] * len(scene.layers)
-    ways, entries, layer_of = [], [], []
+    ways, entries, layer_of, air = [], [], [], []
     for i, (layer, mask, maps) in enumerate(
         zip(scene.layers, masks or none, displacements or none, strict=True)
     ):
@@ -138,10 +137,15 @@ def navigate(
             ways.append(layer.cloud.navigate(rays, chord, mask, maps, knots=knots))
             entries.append(chord.entry_m)
             layer_of.append(i)
+            if temperature is not None and scene.emissive is not None:
+                places = [geodetic(p) for p in points_along(rays, chord, knots)]
+                known = [temperature(*place) for place in places]
+                air.append(device_array(np.stack(known, axis=-1)))
     first = np.min(entries, axis=0) if entries else 0.0
     return View(
         tuple(ways),
         tuple(device_array(entry - first) for entry in entries),
+        tuple(air) or None,
         device_array(sun_direction),
         tuple(layer_of),
     )
@@ -153,10 +157,12 @@ class Sampled(eqx.Module):
     **Fields:**
 
     - `clouds`: of each way, what its source sampled.
+    - `air_k`: temperature at its steps; None where the scene's own serves.
     - `paths`, `start_m`, `sun_direction`, `layer_of`: as in `View`.
     """
 
     clouds: tuple[PyTree, ...]
+    air_k: tuple[Float[Array, "rays steps"], ...] | None
     paths: tuple[Path, ...]
     start_m: tuple[Float[Array, " rays"], ...]
     sun_direction: Float[Array, "3"]
@@ -177,8 +183,14 @@ def sample(scene: Scene, view: View, textures: tuple) -> Sampled:
         )
         for i, way in zip(view.layer_of, view.ways, strict=True)
     )
+    air = None
+    if view.air_k is not None:
+        air = tuple(
+            along_chord(known.T[..., None], scene.layers[i].steps)
+            for i, known in zip(view.layer_of, view.air_k, strict=True)
+        )
     paths = tuple(way.path for way in view.ways)
-    return Sampled(clouds, paths, view.start_m, view.sun_direction, view.layer_of)
+    return Sampled(clouds, air, paths, view.start_m, view.sun_direction, view.layer_of)
 
 
 def join(parts: Sequence[Sampled]) -> Sampled:
@@ -194,197 +206,3 @@ def join(parts: Sequence[Sampled]) -> Sampled:
     return eqx.tree_at(
         lambda p: p.sun_direction, joined, sun, is_leaf=lambda x: x is None
     )
-
-
-class _Seen(eqx.Module):
-    """A way, marched.
-
-    **Fields:** `places`: where its steps lie on each of the other ways.
-    """
-
-    layer: Layer
-    samples: PyTree
-    path: Path
-    passed: March
-    places: tuple[Place | None, ...]
-
-    def unhidden(
-        self, profiles: Sequence[Float[Array, "rays nodes"]]
-    ) -> Float[Array, "rays points"]:
-        """Transmittance of all other ways in front of each step."""
-        clear = jnp.ones_like(self.path.length_m)[:, None]
-        for where, profile in zip(self.places, profiles, strict=True):
-            if where is not None:
-                clear = clear * where.read(profile)
-        return clear
-
-
-def _march(scene: Scene, sampled: Sampled) -> list[_Seen]:
-    layers = [scene.layers[i] for i in sampled.layer_of]
-    stretches = [
-        Stretch(start, path.length_m)
-        for start, path in zip(sampled.start_m, sampled.paths, strict=True)
-    ]
-
-    def places(i):
-        for j, stretch in enumerate(stretches):
-            same = sampled.layer_of[i] == sampled.layer_of[j]
-            shells = layers[i].cloud.shell, layers[j].cloud.shell
-            yield (
-                None
-                if i == j
-                else place(
-                    stretch,
-                    layers[j].steps,
-                    stretches[i],
-                    sampled.clouds[i].distance_m,
-                    overlapping=not same and overlap(*shells),
-                )
-            )
-
-    return [
-        _Seen(
-            layer,
-            samples,
-            path,
-            march(layer.cloud.occupancy(samples), path.length_m),
-            tuple(places(i)),
-        )
-        for i, (layer, samples, path) in enumerate(
-            zip(layers, sampled.clouds, sampled.paths, strict=True)
-        )
-    ]
-
-
-def radiances(
-    scene: Scene, sampled: Sampled, background: BandRadiances
-) -> BandRadiances:
-    """What the rays see, from samples taken beforehand.
-
-    **Arguments:** `background`: radiances at the top of the atmosphere without cloud.
-    """
-    ways = _march(scene, sampled)
-    reflective = emissive = None
-    if scene.reflective is not None and background.reflective is not None:
-        bands = scene.reflective
-        behind = bands.reflectance(background.reflective)
-        source, passed = _reflected(scene, ways, sampled.sun_direction, behind)
-        reflective = bands.radiance(_under_air(source, passed, behind, bands))
-    if scene.emissive is not None and background.emissive is not None:
-        source, passed = _emitted(scene, ways, background.emissive)
-        emissive = _under_air(source, passed, background.emissive, scene.emissive)
-    return BandRadiances(reflective, emissive)
-
-
-def _reflected(scene: Scene, ways: Sequence[_Seen], sun, background):
-    """Reflectance factor of all cloud and its transmittance, [bands rays] both.
-
-    A layer's light is dimmed by what lies in front of the part of it that is seen.
-    """
-    profiles = [way.passed.transmittance(way.layer.extinction_per_m) for way in ways]
-    source, transmittance = jnp.zeros_like(background), jnp.ones_like(background)
-    for way in ways:
-        β = way.layer.extinction_per_m
-        absorbed = way.passed.absorbed(β)
-        light = _illumination(way, absorbed, sun)
-        depth = β * way.passed.depth_m
-        seen = way.passed.mean(absorbed)
-        clear = (seen * way.unhidden(profiles)).sum(-1) / jnp.maximum(
-            seen.sum(-1), 1e-9
-        )
-        reflectance = jnp.stack(
-            [
-                way.passed.mean(scene.reflection(depth, co_albedo, light))
-                for co_albedo in way.layer.co_albedo
-            ]
-        )
-        source = source + clear[None] * reflectance
-        transmittance = transmittance * way.passed.mean(jnp.exp(-depth))[None]
-    return source, transmittance
-
-
-def _illumination(way: _Seen, absorbed, sun: Float[Array, "3"]) -> Illumination:
-    surface = first_surface(
-        absorbed,
-        way.samples.distance_m,
-        cast(Array, way.passed.gradient),  # sampled wherever there are reflective bands
-        way.passed.slope_variance,
-        way.samples.up,
-        way.path.direction,
-    )
-    lit, shaded = surface.illumination(sun)
-    return Illumination(lit, shaded, jnp.sum(way.path.entry_up * sun[None], axis=-1))
-
-
-def _emitted(scene: Scene, ways: Sequence[_Seen], background):
-    """Emitted radiance of all cloud and its transmittance, [bands rays] both.
-
-    Emission is integrated along the ray at the temperature of each step's altitude.
-    """
-    bands = cast(EmissiveBands, scene.emissive)
-    source, transmittance = [], []
-    planck = [bands.planck(scene.temperature(way.samples.altitude_m)) for way in ways]
-    for band in range(background.shape[0]):
-        extinctions = [way.layer.absorption_per_m(band) for way in ways]
-        pairs = list(zip(ways, extinctions, strict=True))
-        profiles = [way.passed.transmittance(κ) for way, κ in pairs]
-        total = jnp.zeros_like(background[band])
-        through = jnp.ones_like(background[band])
-        for (way, κ), emitted, profile in zip(pairs, planck, profiles, strict=True):
-            seen = way.passed.mean(way.passed.absorbed(κ)) * way.unhidden(profiles)
-            total = total + jnp.sum(seen * emitted[band], axis=-1)
-            through = through * profile[:, -1]
-        source.append(total)
-        transmittance.append(through)
-    return jnp.stack(source), jnp.stack(transmittance)
-
-
-def _under_air(source, transmittance, background, bands):
-    """Cloud over the background, beneath the air above the cloud.
-
-    The background is as seen from above the atmosphere and already holds the air's
-    share.
-    """
-    path, gain = bands.path[:, None], bands.gain[:, None]
-    return path + gain * source + transmittance * (background - path)
-
-
-class CloudProducts(eqx.Module):
-    """What is known of the clouds of each ray beside their radiances.
-
-    **Fields:**
-
-    - `fraction`: of the pixel that cloud covers: where its optical depth exceeds 0.3,
-      softly.
-    - `optical_depth`: at the reference band, as if looked at from straight above.
-    - `top_height_m`: mean altitude of the first surface; NaN where nothing is met.
-    - `share`: of the light looking back that each layer stops.
-    """
-
-    fraction: Float[Array, " rays"]
-    optical_depth: Float[Array, " rays"]
-    top_height_m: Float[Array, " rays"]
-    share: Float[Array, "layers rays"]
-
-
-def products(scene: Scene, sampled: Sampled) -> CloudProducts:
-    """Cover, optical depth, height and class of the cloud along each ray."""
-    ways = _march(scene, sampled)
-    profiles = [way.passed.transmittance(way.layer.extinction_per_m) for way in ways]
-    rays = ways[0].path.length_m.shape
-    clear, depth, height = jnp.ones(rays), jnp.zeros(rays), jnp.zeros(rays)
-    share = [jnp.zeros(rays) for _ in scene.layers]
-    for i, way in zip(sampled.layer_of, ways, strict=True):
-        β = way.layer.extinction_per_m
-        slant = jnp.abs((way.path.direction * way.path.entry_up).sum(-1))
-        vertical = β * way.passed.depth_m * slant[None]
-        squared = (vertical / VISIBLE_DEPTH) ** 2
-        clear = clear * way.passed.mean(1 / (1 + squared))
-        depth = depth + way.passed.mean(vertical)
-        seen = way.passed.mean(way.passed.absorbed(β)) * way.unhidden(profiles)
-        height = height + (seen * way.samples.altitude_m).sum(-1)
-        share[i] = share[i] + seen.sum(-1)
-    total = sum(share, jnp.zeros(rays))
-    met = total > 1e-3
-    top = jnp.where(met, height / jnp.where(met, total, 1.0), jnp.nan)
-    return CloudProducts(1 - clear, depth, top, jnp.stack(share))
