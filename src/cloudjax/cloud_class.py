@@ -117,6 +117,7 @@ class CloudClass:
             fractals=tuple(t.fractal for t in self.textures),
             length_scales_m=tuple(t.length_scale_m for t in self.textures),
             seed=seed,
+            thickness_m=self.top_m - self.base_m,
         )
 
 

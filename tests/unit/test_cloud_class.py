@@ -3,9 +3,18 @@
 import math
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from cloudjax import InvertedWorley, Perlin, cloud_classes, load_classes
+from cloudjax import (
+    InvertedWorley,
+    Perlin,
+    cloud_classes,
+    fraction_to_mask,
+    load_classes,
+    make_texture,
+)
+from cloudjax.geodesy import ecef
 
 
 FIFTH = """
@@ -72,6 +81,39 @@ def test_the_mask_gain_undoes_the_spread_of_the_textures():
     for cloud_class in cloud_classes().values():
         spread = math.hypot(*(t.weight for t in cloud_class.textures))
         assert cloud_class.mask_gain == pytest.approx(spread, abs=0.006)
+
+
+@pytest.mark.parametrize("name", cloud_classes())
+def test_a_class_covers_its_cloud_fraction(name):
+    """Vertical columns all over the globe that hold cloud, within 0.1 of 0.3 and 0.6.
+
+    A column is covered by cloud at any altitude, and so sooner than one level is. Two
+    octaves of noise, all standardised, do for four.
+    """
+    cloud = cloud_classes()[name].cloud(seed=0)
+    rng, columns = np.random.default_rng(0), 1500
+    latitude = np.degrees(np.arcsin(rng.uniform(-1, 1, columns)))
+    longitude = rng.uniform(-180, 180, columns)
+    altitude = np.linspace(cloud.shell.bottom_m, cloud.shell.top_m, 16)
+    where = [ecef(latitude, longitude, np.full(columns, z)) for z in altitude]
+    position = np.stack(where, axis=-1).transpose(1, 0, 2)
+    values = tuple(
+        make_texture(
+            Perlin(fractal.cells, octaves=2)
+            if isinstance(fractal, Perlin)
+            else fractal,
+            seed=i,
+            resolution=32,
+        ).sample(jnp.asarray(position / scale % 1, float))
+        for i, (fractal, scale) in enumerate(
+            zip(cloud.fractals, cloud.length_scales_m, strict=True)
+        )
+    )
+    z = jnp.broadcast_to(jnp.asarray(altitude, float), (columns, 16))
+    for fraction in (0.3, 0.6):
+        mask = jnp.full((columns, 16), fraction_to_mask(jnp.asarray(fraction)))
+        inside = cloud.function(values, mask, z) > 0
+        assert inside.any(axis=1).mean() == pytest.approx(fraction, abs=0.1)
 
 
 def test_extinctions_are_those_of_water_contents_and_radii():
