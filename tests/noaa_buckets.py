@@ -24,6 +24,8 @@ ABBREVIATIONS = {
     "clwmr": "CLMR",
     "q": "SPFH",
     "orog": "HGT",
+    "lsm": "LAND",
+    "2t": "TMP",
 }
 VALUES = {"t": 270.0, "r": 60.0, "w": 0.1, "u": 5.0, "v": 1.0, "clwmr": 0.0, "q": 0.01}
 # In ABI's mode 6 a scan takes so long.
@@ -90,9 +92,10 @@ def add_gfs(
         fields |= {
             (name, level): np.full(shape, value) for name, value in VALUES.items()
         }
-    fields["orog", 0] = np.linspace(0.0, 900.0, latitude.size * longitude.size).reshape(
-        shape
-    )
+    ground = {("orog", 0): 900.0, ("t", 0): 290.0, ("lsm", 0): 1.0, ("2t", 2): 288.0}
+    for key, highest in ground.items():
+        values = np.linspace(0.9 * highest, highest, latitude.size * longitude.size)
+        fields[key] = values.reshape(shape)
     write_grib(
         path,
         fields,
@@ -112,7 +115,8 @@ def write_index(
     forecast = f"{lead_hours} hour fcst" if lead_hours else "anl"
     content, start, lines = path.read_bytes(), 0, []
     for number, (name, level) in enumerate(fields, 1):
-        where = f"{level} mb" if level else "surface"
+        near_the_ground = {0: "surface", 2: "2 m above ground"}
+        where = near_the_ground.get(level, f"{level} mb")
         lines.append(
             f"{number}:{start}:d={cycle:%Y%m%d%H}:{ABBREVIATIONS[name]}:{where}:"
             f"{forecast}:\n"

@@ -41,7 +41,7 @@ class FetchItem(ABC):
     etag: str | None
 
     def __post_init__(self):
-        if Path(self.name).name != self.name or self.name.startswith("."):
+        if Path(self.name).name != self.name or self.name[:1] in ("", "."):
             raise DataError(
                 f"{self.name!r} is not a plain file name: use another endpoint; "
                 "nothing was written."
@@ -108,7 +108,7 @@ class GribItem(FetchItem):
     def check(self, path: Path) -> None:
         spans = sorted({(m.start, m.end) for m in self.messages})
         _check_frames(path, [end - start for start, end in spans])
-        wanted = {(m.name, m.level_hpa) for m in self.messages}
+        wanted = {(m.level_type, m.name, m.level) for m in self.messages}
         missing = wanted - _contents(path)
         if missing:
             raise ValueError(f"it lacks {len(missing)} of {len(wanted)} fields")
@@ -142,13 +142,13 @@ def _check_frames(path: Path, lengths: Sequence[int]) -> None:
             position += length
 
 
-def _contents(path: Path) -> set[tuple[str, float]]:
+def _contents(path: Path) -> set[tuple[str, str, float]]:
     # Not at the top: eccodes takes seconds to load.
     from cfgrib.messages import FileStream
 
     try:
         return {
-            (message["shortName"], float(message["level"]))
+            (message["typeOfLevel"], message["shortName"], float(message["level"]))
             for _, message in FileStream(str(path), errors="raise").items()
         }
     except Exception as error:  # eccodes and cfgrib have no common ancestor

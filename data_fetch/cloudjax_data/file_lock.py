@@ -47,9 +47,15 @@ def locked(
 
 
 def _opened(path: Path) -> int:
+    folder = path.parent
+    folder.parent.mkdir(parents=True, exist_ok=True)
     while True:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Another process may just have removed the folder, being done with it.
+        # Another process may remove the folder at any time, being done with it.
+        try:
+            os.mkdir(folder)
+        except FileExistsError:
+            if folder.is_file():
+                raise
         with contextlib.suppress(FileNotFoundError):
             return os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
 

@@ -11,11 +11,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
-from .weather import OPTIONAL, REQUIRED
+from .weather import GROUND, OPTIONAL, REQUIRED
 
 
+_PRESSURE_LEVEL = "isobaricInhPa"
 # As NOAA abbreviates the reader's variables; cloud water changed its name.
-ABBREVIATIONS = {
+_ON_LEVELS = {
     "u": ("UGRD",),
     "v": ("VGRD",),
     "w": ("VVEL",),
@@ -24,11 +25,20 @@ ABBREVIATIONS = {
     "gh": ("HGT",),
     "clwmr": ("CLMR", "CLWMR"),
 }
-_GROUND = {("HGT", "surface"): "orog"}
+# Parameter and level of the reader's fields at the ground, and eccodes' level.
+_AT_THE_GROUND = {
+    "orog": ("HGT", "surface", 0.0),
+    "lsm": ("LAND", "surface", 0.0),
+    "t_surface": ("TMP", "surface", 0.0),
+    "t_2m": ("TMP", "2 m above ground", 2.0),
+}
 # 18.4 km in the standard atmosphere: above all cloud, and above the profiles of a fit.
 LOWEST_PRESSURE_HPA = 70.0
 
-SELECTION = f"{' '.join((*REQUIRED, *OPTIONAL))} to {LOWEST_PRESSURE_HPA:g} hPa, orog"
+SELECTION = (
+    f"{' '.join((*REQUIRED, *OPTIONAL))} to {LOWEST_PRESSURE_HPA:g} hPa; "
+    f"{' '.join(GROUND)}"
+)
 
 _LINE = re.compile(
     r"[0-9]+(?:\.[0-9]+)?:(?P<start>[0-9]{1,15}):d=(?P<cycle>[0-9]{10})"
@@ -41,12 +51,13 @@ _PRESSURE = re.compile(r"([0-9]{1,4}(?:\.[0-9]+)?) mb")
 class Message:
     """A GRIB message of a file.
 
-    **Fields:** `name`, the short name of the reader; `level_hpa`, 0 for the surface;
-    `start` and `end`, the first byte and the one after the last.
+    **Fields:** `level_type`, `name` and `level` as eccodes has them (hPa on pressure
+    levels); `start` and `end`, the first byte and the one after the last.
     """
 
+    level_type: str
     name: str
-    level_hpa: float
+    level: float
     start: int
     end: int
 
@@ -79,7 +90,8 @@ def needed_messages(
         if wanted is not None and line["forecast"] == forecast:
             start = int(line["start"])
             found.setdefault(wanted, Message(*wanted, start, ends[start]))
-    missing = [name for name in REQUIRED if name not in {n for n, _ in found}]
+    on_levels = {name for kind, name, _ in found if kind == _PRESSURE_LEVEL}
+    missing = [name for name in REQUIRED if name not in on_levels]
     if missing:
         raise ValueError(f"has no {', '.join(missing)} on pressure levels")
     return tuple(sorted(found.values(), key=lambda message: message.start))
@@ -106,14 +118,16 @@ def _parsed(line: str) -> re.Match[str]:
     return match
 
 
-def _wanted(parameter: str, level: str) -> tuple[str, float] | None:
-    """Short name and level of a message that the reader uses, None for others."""
-    if (parameter, level) in _GROUND:
-        return _GROUND[parameter, level], 0.0
+def _wanted(parameter: str, level: str) -> tuple[str, str, float] | None:
+    """Type, name and level of a message that the reader uses, None for others."""
+    for field, (kind, name) in GROUND.items():
+        *line, height = _AT_THE_GROUND[field]
+        if line == [parameter, level]:
+            return kind, name, height
     pressure = _PRESSURE.fullmatch(level)
     if pressure is None or float(pressure[1]) < LOWEST_PRESSURE_HPA:
         return None
     for name in (*REQUIRED, *OPTIONAL):
-        if parameter in ABBREVIATIONS[name]:
-            return name, float(pressure[1])
+        if parameter in _ON_LEVELS[name]:
+            return _PRESSURE_LEVEL, name, float(pressure[1])
     return None

@@ -34,7 +34,7 @@ class Manifest:
 
     **Fields:** `files`: by name `origin` (URL), `bucket`, `key`, `object_size`, `etag`,
     `fetched` (UTC), `size`, `sha256`, and of a GFS file `selection` and `messages`
-    (name, level in hPa, first byte, byte after the last).
+    (type of level, name, level, first byte, byte after the last).
     """
 
     files: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -92,7 +92,7 @@ def record(folder: Path, item: FetchItem, origin: str, sums: Checksums) -> None:
     if isinstance(item, GribItem):
         entry["selection"] = SELECTION
         entry["messages"] = [
-            [m.name, m.level_hpa, m.start, m.end] for m in item.messages
+            [m.level_type, m.name, m.level, m.start, m.end] for m in item.messages
         ]
     with locked(folder, MANIFEST):
         files = {**read_manifest(folder).files, item.name: entry}

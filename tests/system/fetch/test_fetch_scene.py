@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from cloudjax_data import open_folder, read_weather
+from cloudjax_data.weather import GROUND, OPTIONAL, REQUIRED
 from cloudjax_fit.cli import main
 from tests.mischief import busy, cut, of_files
 from tests.noaa_buckets import LEVELS_HPA, add_gfs, add_scan, goes_folder
@@ -89,7 +90,7 @@ def test_only_the_needed_messages_of_the_gfs_are_asked_for(scene, mischief, tmp_
     assert file.stat().st_size == size
     cube = read_weather(file)
     assert list(cube.data["level"]) == [1000, 850, 500, 200, 70]
-    assert {"u", "v", "w", "r", "t", "gh", "clwmr", "orog"} == set(cube.data)
+    assert set(cube.data) == {*REQUIRED, *OPTIONAL, *GROUND}
 
 
 def test_a_dry_run_lists_names_and_sizes_and_writes_nothing(scene, mischief, tmp_path):
