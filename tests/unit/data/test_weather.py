@@ -195,6 +195,18 @@ def test_the_ground_is_read_where_the_file_has_it(tmp_path, fields, edition):
     assert set(cube.at_altitude(3000.0).data_vars) == {"u", "v", "w", "r", "t"}
 
 
+def test_grib1_in_the_numbers_of_ncep(tmp_path, fields):
+    """Parameter 7 is geopotential height on a level, but the ground's at the surface."""
+    ncep = {"centre": 7, "table2Version": 2}
+    flat = {("orog", 0): np.full((5, 12), 20.0), ("t", 0): np.full((5, 12), 290.0)}
+    cube = read_weather(write(tmp_path, fields | flat, edition=1, extra=ncep))
+    np.testing.assert_allclose(cube.data["orog"], 20.0, rtol=1e-4)
+    np.testing.assert_allclose(cube.data["t_surface"], 290.0, rtol=1e-4)
+    expected = np.stack([fields["gh", level][::-1] for level in LEVELS])
+    np.testing.assert_allclose(cube.data["gh"], expected, rtol=1e-4)
+    assert cube.data["w"].attrs["units"] == "Pa s**-1"
+
+
 def test_the_skin_does_not_stand_in_for_the_air(tmp_path, fields):
     air = {key: values for key, values in fields.items() if key[0] != "t"}
     path = write(tmp_path, {**air, ("t", 0): np.full((5, 12), 300.0)})
