@@ -196,7 +196,7 @@ def test_the_ground_is_read_where_the_file_has_it(tmp_path, fields, edition):
 
 
 def test_grib1_in_the_numbers_of_ncep(tmp_path, fields):
-    """Parameter 7 is geopotential height on a level, but the ground's at the surface."""
+    """Parameter 7 is the height of a level, or of the ground at the surface."""
     ncep = {"centre": 7, "table2Version": 2}
     flat = {("orog", 0): np.full((5, 12), 20.0), ("t", 0): np.full((5, 12), 290.0)}
     cube = read_weather(write(tmp_path, fields | flat, edition=1, extra=ncep))
