@@ -70,6 +70,8 @@ from .light import TwoFlux as TwoFlux
 from .optics import ICE as ICE
 from .optics import WATER as WATER
 from .optics import Particles as Particles
+from .optics import ice as ice
+from .optics import water as water
 from .rays import Rays as Rays
 from .scene import (
     BandRadiances as BandRadiances,

@@ -1,53 +1,140 @@
-"""What cloud particles do to light in the ABI bands, at one particle size per phase.
+"""What cloud particles do to light in the ABI bands, by phase and effective radius.
 
-Water droplets of effective radius 10 µm by Hu & Stamnes (1993, J. Climate 6, 728), ice
-crystals of generalised effective size 60 µm by Fu (1996, J. Climate 9, 2058) and Fu et
-al. (1998, J. Climate 11, 2223), at the bands' central wavelengths. The table is printed
-by tools/make_optics.py.
+Means over each band's spectral response, smooth in radius: Mie theory for droplets, the
+fits of Fu (1996) and Fu et al. (1998) for crystals. The table, cloud_optics.toml, is
+made by tools/make_optics.py; docs/optics.md compares it with published values.
 """
 
+import functools as ft
+import importlib.resources
+import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 
-@dataclass(frozen=True)
-class Particles:
-    """Cloud particles of one phase and size.
+# That optical depths are given at, 0.64 µm, and that thermal absorption is relative to.
+REFERENCE_BAND = 2
+WINDOW_BAND = 13
+# Of the table: sunlight in bands 1 to 7, then emission in bands 7 to 16.
+LAST_SUNLIT_BAND = FIRST_THERMAL_BAND = 7
+
+
+class _Table(NamedTuple):
+    """Chebyshev coefficients in log r of log k, log(1 - ω) and g, and r's limits."""
+
+    coefficients: Float[np.ndarray, "degrees quantities rows"]
+    limits_um: tuple[float, float]
+
+
+class Particles(eqx.Module):
+    """Cloud particles of one phase and effective radius.
+
+    Bands are ABI numbers. What belongs to sunlight is averaged with the solar spectrum
+    (bands 1 to 7), what belongs to emission with Planck's at cloud temperature (7 to
+    16). Beyond the table's radii the values at its ends hold.
 
     **Fields:**
 
-    - `co_albedo`: 1 - ω, for the reflective bands 1 to 6.
-    - `relative_absorption`: over that at 10.35 µm (band 13), for bands 7 to 16.
-    - `infrared_ratio`: absorption at 10.35 µm over extinction at 0.64 µm.
+    - `phase`: "water" (2 to 65 µm) or "ice" (9.32 to 65.1 µm).
+    - `effective_radius_um`: mean volume over mean projected area, times 3/4.
     """
 
-    co_albedo: tuple[float, ...]
-    relative_absorption: tuple[float, ...]
-    infrared_ratio: float
+    phase: str = eqx.field(static=True)
+    effective_radius_um: Float[Array, ""] | float
 
-    def co_albedo_in(self, bands: Sequence[int]) -> Float[np.ndarray, " bands"]:
-        return np.array([self.co_albedo[band - 1] for band in bands])
+    def extinction_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """Per condensate, in m²/g; in band 7 for sunlight."""
+        return jnp.exp(self._rows(0, [_sunlit(band) for band in bands]))
 
-    def relative_absorption_in(
-        self, bands: Sequence[int]
-    ) -> Float[np.ndarray, " bands"]:
-        return np.array([self.relative_absorption[band - 7] for band in bands])
+    def relative_extinction_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """Over that at 0.64 µm (band 2)."""
+        return self.extinction_in(bands) / self.extinction_in([REFERENCE_BAND])
+
+    def co_albedo_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """1 - ω of sunlight."""
+        return jnp.exp(self._rows(1, [_sunlit(band) for band in bands]))
+
+    def asymmetry_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """Mean cosine of the scattering angle of sunlight."""
+        return self._rows(2, [_sunlit(band) for band in bands])
+
+    def absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """Of thermal radiation per condensate, k (1 - ω), in m²/g; bands 7 to 16."""
+        rows = [_thermal(band) for band in bands]
+        return jnp.exp(self._rows(0, rows) + self._rows(1, rows))
+
+    def relative_absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """Of thermal radiation, over that at 10.35 µm (band 13)."""
+        return self.absorption_in(bands) / self.absorption_in([WINDOW_BAND])
+
+    @property
+    def infrared_ratio(self) -> Float[Array, ""]:
+        """Absorption at 10.35 µm over extinction at 0.64 µm."""
+        window = self.absorption_in([WINDOW_BAND])
+        return (window / self.extinction_in([REFERENCE_BAND]))[0]
+
+    def water_content_g_m3(
+        self, extinction_per_m: Float[Array, "*n"]
+    ) -> Float[Array, "*n"]:
+        """Condensate that has an extinction at 0.64 µm."""
+        return extinction_per_m / self.extinction_in([REFERENCE_BAND])[0]
+
+    def _rows(self, quantity: int, rows: list[int]):
+        table = _table(self.phase)
+        low, high = np.log(table.limits_um)
+        log_radius = jnp.log(jnp.asarray(self.effective_radius_um, float))
+        # Just within the ends, where arccos has no slope.
+        x = jnp.clip(2 * (log_radius - low) / (high - low) - 1, -1 + 1e-6, 1 - 1e-6)
+        polynomials = jnp.cos(np.arange(len(table.coefficients)) * jnp.arccos(x))
+        coefficients = table.coefficients[:, quantity, np.array(rows, int)]
+        return polynomials @ jnp.asarray(coefficients, float)
 
 
-WATER = Particles(
-    co_albedo=(3.16e-07, 2.56e-06, 5.21e-05, 0.00404, 0.00789, 0.0348),
-    relative_absorption=(
-        0.323, 1.560, 1.076, 0.977, 0.935, 1.013, 1.000, 1.189, 1.403, 1.533,
-    ),
-    infrared_ratio=0.367,
-)  # fmt: skip
-ICE = Particles(
-    co_albedo=(2.16e-06, 1.13e-05, 2.06e-04, 0.0400, 0.0902, 0.0614),
-    relative_absorption=(
-        0.845, 1.042, 1.025, 1.011, 0.976, 0.965, 1.000, 1.074, 1.117, 1.127,
-    ),
-    infrared_ratio=0.465,
-)  # fmt: skip
+def water(effective_radius_um: Float[Array, ""] | float) -> Particles:
+    """Droplets with a gamma distribution of effective variance 0.1."""
+    return Particles("water", effective_radius_um)
+
+
+def ice(effective_radius_um: Float[Array, ""] | float) -> Particles:
+    """Hexagonal crystals, 3√3/8 of whose generalised effective size is the radius."""
+    return Particles("ice", effective_radius_um)
+
+
+WATER = water(10.0)
+# A generalised effective size of 60 µm.
+ICE = ice(39.0)
+
+
+def _sunlit(band: int) -> int:
+    return band - 1 if band <= LAST_SUNLIT_BAND else band
+
+
+def _thermal(band: int) -> int:
+    if band < FIRST_THERMAL_BAND:
+        raise ValueError(f"Band {band} sees no emission: ask bands 7 to 16.")
+    return band
+
+
+@ft.cache
+def _table(phase: str) -> _Table:
+    file = importlib.resources.files("cloudjax").joinpath("cloud_optics.toml")
+    entry = tomllib.loads(file.read_text(encoding="utf-8"))[phase]
+    values = np.array(
+        [
+            np.log(entry["extinction_m2_per_g"]),
+            np.log(entry["co_albedo"]),
+            entry["asymmetry"],
+        ]
+    )
+    # Values at the Chebyshev points to coefficients, by the discrete orthogonality.
+    points = values.shape[-1]
+    angle = np.pi * (np.arange(points)[::-1] + 0.5) / points
+    degree = np.arange(points)
+    cosines = np.cos(degree[:, None] * angle) * np.where(degree == 0, 1, 2)[:, None]
+    coefficients = np.einsum("dp,qrp->dqr", cosines / points, values)
+    return _Table(coefficients, tuple(entry["limits_um"]))
