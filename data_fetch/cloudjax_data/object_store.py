@@ -83,6 +83,8 @@ class Link:
         return S3Store(
             name,
             endpoint=endpoint,
+            # Or a variable of the environment would go before.
+            aws_endpoint_url_s3=endpoint,
             region=REGION,
             skip_signature=True,
             virtual_hosted_style_request=virtual_hosted,

@@ -24,6 +24,8 @@ from .object_store import FINAL, Bucket, Link, Retry, reason
 
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
+# Ranges of one file at once.
+_AHEAD = 8
 # HDF5 crashes when two threads are in it.
 _OPENING = threading.Lock()
 
@@ -204,12 +206,33 @@ class _Transfers:
 
 
 def _missing(bucket: Bucket, item: FetchItem, done: int) -> Iterator[bytes]:
-    """The bytes of a file after the first `done`, range by range."""
-    for start, end in item.ranges:
+    """The bytes of a file after the first `done`, in their order."""
+    ranges = list(_after(item.ranges, done))
+    if len(ranges) == 1:
+        yield from bucket.stream(item.key, *ranges[0], item.etag)
+        return
+
+    def part(span: tuple[int, int]) -> bytes:
+        content = b"".join(bucket.stream(item.key, *span, item.etag))
+        if len(content) != span[1] - span[0]:
+            # What follows would end up in the wrong place.
+            raise ConnectionError("a part came short")
+        return content
+
+    # Many small ranges: asked for one after the other they would wait for the network
+    # more than they use it.
+    with ThreadPoolExecutor(_AHEAD) as pool:
+        for batch in range(0, len(ranges), _AHEAD):
+            yield from pool.map(part, ranges[batch : batch + _AHEAD])
+
+
+def _after(ranges: Sequence[tuple[int, int]], done: int) -> Iterator[tuple[int, int]]:
+    """What is left of ranges after their first `done` bytes."""
+    for start, end in ranges:
         skipped = min(done, end - start)
         done -= skipped
         if skipped < end - start:
-            yield from bucket.stream(item.key, start + skipped, end, item.etag)
+            yield start + skipped, end
 
 
 @contextlib.contextmanager

@@ -56,7 +56,7 @@ _GRID = click.option(
     "--grid",
     type=click.Choice(["1p00", "0p50", "0p25"]),
     default="1p00",
-    help="Step of the GFS in degrees: about 10, 30 or 120 MB for each analysis.",
+    help="Step of the GFS in degrees: about 10, 35 or 120 MB for each analysis.",
 )
 _COMMON = (
     click.option("-o", "--output", required=True, metavar="DIR", type=Path),

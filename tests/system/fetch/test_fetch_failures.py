@@ -151,6 +151,18 @@ def test_answers_shorter_than_asked_for_are_pieced_together(
     assert len(mischief.transfers) > 3
 
 
+def test_ranges_that_come_short_are_asked_for_again(
+    root, store, mischief, link, tmp_path
+):
+    file = add_gfs(root, NOON)
+    store.fill(root)
+    items = plan_gfs(NOON, "1p00", link).items
+    mischief.faults = [of_files(shortened, times=2)]
+    (path,) = fetch(items, tmp_path, link).paths
+    content = file.read_bytes()
+    assert path.read_bytes() == b"".join(content[a:b] for a, b in items[0].ranges)
+
+
 @pytest.mark.parametrize("change", [-7, 7])
 def test_a_wrong_length_in_the_listing(scan, mischief, link, tmp_path, change):
     mischief.faults = [

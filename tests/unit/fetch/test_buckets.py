@@ -3,11 +3,14 @@
 Each key was published by others who fetched it; docs/fetch.md says where.
 """
 
+import threading
 from datetime import UTC, datetime
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import ClassVar
 
 import pytest
 
-from cloudjax_data import Link
+from cloudjax_data import DataError, Link
 from cloudjax_data.buckets import (
     PRODUCTS,
     SECTORS,
@@ -106,3 +109,40 @@ def test_noaas_buckets_are_asked_without_an_endpoint():
 def test_no_optical_depth_of_mesoscale_sectors():
     """The list of products in the buckets' README has CODC and CODF only."""
     assert PRODUCTS == {"L2-ACHA": "FCM", "L2-ACM": "FCM", "L2-COD": "FC"}
+
+
+class _Proxy(BaseHTTPRequestHandler):
+    """Refuses every connection, and remembers where to."""
+
+    hosts: ClassVar[list[str]] = []
+
+    def do_CONNECT(self):
+        self.hosts.append(self.path)
+        self.send_error(502)
+
+    def log_message(self, format, *args):
+        pass
+
+
+@pytest.fixture
+def proxy():
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _Proxy)
+    thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def test_the_real_request_goes_to_noaas_bucket(proxy, monkeypatch):
+    """Neither credentials nor endpoints of the user's other stores matter."""
+    monkeypatch.setenv("HTTPS_PROXY", proxy)
+    monkeypatch.setenv("NO_PROXY", "")
+    for name in ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT"):
+        monkeypatch.setenv(name, "http://127.0.0.1:9")
+    monkeypatch.setenv("AWS_REGION", "eu-west-1")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "mine")
+    with pytest.raises(DataError, match="would not list ABI-L1b-RadC"):
+        Link(retries=0).bucket("noaa-goes16").list("ABI-L1b-RadC/2023/116/17")
+    assert set(_Proxy.hosts) == {"noaa-goes16.s3.us-east-1.amazonaws.com:443"}
