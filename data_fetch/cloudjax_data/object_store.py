@@ -83,10 +83,12 @@ class Link:
         return S3Store(
             name,
             endpoint=endpoint,
-            # Or a variable of the environment would go before.
-            aws_endpoint_url_s3=endpoint,
             region=REGION,
             skip_signature=True,
+            # Not used, but variables of the environment would be, and be found amiss.
+            aws_endpoint_url_s3=endpoint,
+            access_key_id="anonymous",
+            secret_access_key="anonymous",
             virtual_hosted_style_request=virtual_hosted,
             client_options={
                 "allow_http": endpoint.startswith("http:"),
