@@ -72,7 +72,20 @@ from .optics import WATER as WATER
 from .optics import Particles as Particles
 from .optics import ice as ice
 from .optics import water as water
+from .phase import (
+    AbstractPhase as AbstractPhase,
+)
+from .phase import (
+    CornetteShanks as CornetteShanks,
+)
+from .phase import (
+    DoubleHenyeyGreenstein as DoubleHenyeyGreenstein,
+)
+from .phase import (
+    HenyeyGreenstein as HenyeyGreenstein,
+)
 from .rays import Rays as Rays
+from .reflectance import PlaneParallel as PlaneParallel
 from .scene import (
     BandRadiances as BandRadiances,
 )
