@@ -14,6 +14,7 @@ from .abi_name import parse_abi_name
 from .calibration import Calibration, EmissiveCalibration, ReflectiveCalibration
 from .errors import DataError
 from .fixed_grid import GRID_MAPPING, FixedGrid
+from .image_part import Box, ImagePart, block_means, image_part
 from .packed import attribute, counts, netcdf_file, scalar, scale_and_offset, variable
 
 
@@ -70,8 +71,12 @@ def read_band(
     *,
     band: int | None = None,
     keep_conditionally_usable: bool = False,
+    window: Box | None = None,
+    block: int = 1,
 ) -> AbiBand:
-    """Read one band, whole, from a file of NOAA.
+    """Read one band from a file of NOAA, tile by tile.
+
+    Beyond the result this takes some tens of megabytes, however large the image.
 
     **Arguments:**
 
@@ -79,25 +84,29 @@ def read_band(
         back to radiance through the coefficients it carries.
     - `band`: which band; needed only for files of many.
     - `keep_conditionally_usable`: also take pixels of quality 1, not only 0.
+    - `window`: rows and columns of the file's image, by default all.
+    - `block`: average over blocks of so many pixels a side, good where all of them are,
+        as `AbiScene.on_common_grid` does. Windows must begin and end at multiples.
 
     **Raises:** `DataError` if the file is absent, corrupt, of another kind, of another
-    band, or has coefficients that contradict each other.
+    band, or has coefficients that contradict each other; or if the window is not in the
+    image, or not made of blocks.
     """
     path = Path(path)
     best = CONDITIONALLY_USABLE if keep_conditionally_usable else GOOD
     with netcdf_file(path) as file:
         number, suffix = _which_band(file, path, band)
         calibration = _calibration(file, path, suffix)
-        values, valid, calibration = _radiance(file, suffix, calibration)
-        flags, flagged = counts(variable(file, f"DQF{suffix}"))
-        good = valid & flagged & (flags <= best)
+        grid = _fixed_grid(file)
+        part = image_part(path, grid.shape, window, block)
+        radiance, good = _image(file, suffix, calibration, part, best)
         identity = _identity(file, path)
         return AbiBand(
             number=number,
             wavelength_um=round(_number(file, f"band_wavelength{suffix}"), 4),
-            radiance=np.where(good, values, np.float32(np.nan)),
+            radiance=radiance,
             good=good,
-            grid=_fixed_grid(file),
+            grid=_part_of_grid(grid, part),
             calibration=calibration,
             path=path,
             **identity,
@@ -121,21 +130,45 @@ def _which_band(
     return number, f"_C{number:02d}" if many else ""
 
 
+def _image(
+    file: netCDF4.Dataset,
+    suffix: str,
+    calibration: Calibration,
+    part: ImagePart,
+    best: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Radiances, NaN where not good, and where they are good."""
+    packed = _packed_image(file, suffix)
+    flag = variable(file, f"DQF{suffix}")
+    radiance, good = np.empty(part.shape, np.float32), np.empty(part.shape, bool)
+    for pixels, blocks in part.tiles(_chunks(packed)):
+        values, valid = _radiance(packed, calibration, pixels)
+        flags, flagged = counts(flag, pixels)
+        usable = valid & flagged & (flags <= best)
+        radiance[blocks], good[blocks] = block_means(values, usable, part.block)
+    return radiance, good
+
+
+def _packed_image(file: netCDF4.Dataset, suffix: str) -> netCDF4.Variable:
+    return variable(file, "Rad" if "Rad" in file.variables else f"CMI{suffix}")
+
+
+def _chunks(packed: netCDF4.Variable) -> tuple[int, int]:
+    chunks = packed.chunking()
+    if not isinstance(chunks, list):
+        return 1, packed.shape[1]  # in one piece, row after row
+    rows, columns = chunks
+    return rows, columns
+
+
 def _radiance(
-    file: netCDF4.Dataset, suffix: str, calibration: Calibration
-) -> tuple[np.ndarray, np.ndarray, Calibration]:
-    is_l1b = "Rad" in file.variables
-    packed = variable(file, "Rad" if is_l1b else f"CMI{suffix}")
-    stored, valid = counts(packed)
+    packed: netCDF4.Variable, calibration: Calibration, pixels: Box
+) -> tuple[np.ndarray, np.ndarray]:
+    stored, valid = counts(packed, pixels)
     scale, offset = scale_and_offset(packed)
     # float32: counts have 14 bits at most, and scale and offset are float32 in the file
     values = stored.astype(np.float32) * np.float32(scale) + np.float32(offset)
-    if not is_l1b:
-        return calibration.radiance(values), valid, calibration
-    if isinstance(calibration, EmissiveCalibration):
-        first = (np.floor(-offset / scale) + 1) * scale + offset
-        calibration = replace(calibration, smallest_positive_radiance=float(first))
-    return values, valid, calibration
+    return values if packed.name == "Rad" else calibration.radiance(values), valid
 
 
 def _calibration(file: netCDF4.Dataset, path: Path, suffix: str) -> Calibration:
@@ -153,6 +186,11 @@ def _calibration(file: netCDF4.Dataset, path: Path, suffix: str) -> Calibration:
     wrong = calibration.inconsistency()
     if wrong is not None:
         raise DataError(f"{path} contradicts itself ({wrong}): download it again.")
+    packed = _packed_image(file, suffix)
+    if packed.name == "Rad" and isinstance(calibration, EmissiveCalibration):
+        scale, offset = scale_and_offset(packed)
+        first = (np.floor(-offset / scale) + 1) * scale + offset
+        return replace(calibration, smallest_positive_radiance=float(first))
     return calibration
 
 
@@ -170,6 +208,11 @@ def _fixed_grid(file: netCDF4.Dataset) -> FixedGrid:
         semi_minor_axis_m=float(attribute(projection, "semi_minor_axis")),
         sweep=cast(Literal["x", "y"], sweep),
     )
+
+
+def _part_of_grid(grid: FixedGrid, part: ImagePart) -> FixedGrid:
+    x_rad, y_rad = grid.x_rad[part.columns], grid.y_rad[part.rows]
+    return replace(grid, x_rad=x_rad, y_rad=y_rad).coarsened(part.block)
 
 
 def _scan_angles(file: netCDF4.Dataset, name: str) -> np.ndarray:

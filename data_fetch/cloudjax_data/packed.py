@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
+from types import EllipsisType
 from typing import Any, cast
 
 import netCDF4
@@ -71,13 +72,19 @@ def scalar(file: netCDF4.Dataset, name: str) -> float | None:
     return None if value == fill or not np.isfinite(value) else float(value)
 
 
-def counts(packed: netCDF4.Variable) -> tuple[np.ndarray, np.ndarray]:
+def counts(
+    packed: netCDF4.Variable, where: tuple[slice, ...] | EllipsisType = ...
+) -> tuple[np.ndarray, np.ndarray]:
     """The stored integers, unsigned where the file says so, and where they are valid.
+
+    **Arguments:**
+
+    - `where`: the part of the variable to read, by default all of it.
 
     **Returns:** the counts, and a boolean array of the same shape that is False where
     a count equals the fill value.
     """
-    stored = np.asarray(packed[...])
+    stored = np.asarray(packed[where])
     fill = getattr(packed, "_FillValue", None)
     if str(getattr(packed, "_Unsigned", "false")).lower() == "true":
         stored = _unsigned(stored)
