@@ -54,5 +54,5 @@ class Network(eqx.Module):
 
 
 def soft_sign(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """x/√(1 + x²): smooth, bounded, and a third of the price of tanh."""
+    """x/√(1 + x²): smooth, bounded, and half the price of tanh."""
     return x / jnp.sqrt(1 + x**2)

@@ -135,7 +135,7 @@ def first_order(
 
 
 def above_horizon(cosine: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """A smooth maximum of a cosine and 0.02, 1.0013 of it at 0.05."""
+    """A smooth maximum of a cosine and 0.02: 1.003 times a cosine of 0.05."""
     above = cosine - LEAST_COSINE
     return LEAST_COSINE + (above + jnp.sqrt(above**2 + 0.004**2)) / 2
 

@@ -129,12 +129,12 @@ def test_random_slabs_of_disort(model, kind):
     Expectation: albedo, transmittance and πL/(μ₀F₀) of 400 slabs with the phase
     function of Henyey & Greenstein, and 60 each of Cornette & Shanks and double HG.
     Source: PythonicDISORT 1.8 with 32 streams (tools/make_disort_table.py).
-    Tolerance: 2 % or 0.002, all of them.
+    Tolerance: 1 % or 0.001, all of them: half of the target.
     """
     table = np.loadtxt(TABLE, delimiter=",")
     table = table[table[:, 0] == kind]
     found = _of_row(kind)(model, jnp.asarray(table, float))
-    assert targets_missed(found, table[:, 9:]).max(axis=0) == pytest.approx(0, abs=1)
+    assert targets_missed(found, table[:, 9:], 0.01, 0.001).max() < 1
 
 
 def test_live_slabs_of_disort_over_a_surface(model):
