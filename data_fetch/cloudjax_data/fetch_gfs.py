@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from .buckets import CYCLE_HOURS, GFS_BUCKET, GRIDS, gfs_file_name, gfs_key
@@ -11,6 +11,7 @@ from .fetch_item import GribItem
 from .gfs_index import needed_messages
 from .manifest import read_manifest
 from .object_store import Bucket, Link
+from .satellites import in_utc
 
 
 # Analyses are six hours apart; forecasts of three hours stand between them.
@@ -47,9 +48,10 @@ def plan_gfs(
     """
     if grid not in GRIDS:
         raise DataError(f"{grid!r} is no grid of the GFS: use {', '.join(GRIDS)}.")
+    times = bracket(in_utc(time))
     bucket = link.bucket(GFS_BUCKET)
     items, notes = [], []
-    for valid in bracket(time):
+    for valid in times:
         item = _item(bucket, valid, grid, known)
         if item is None:
             notes.append(
@@ -68,7 +70,7 @@ def plan_gfs(
 
 def bracket(time: datetime) -> tuple[datetime, ...]:
     """The multiples of `STEP_HOURS` before and after a time; one if it is one."""
-    hour = time.astimezone(UTC).replace(minute=0, second=0, microsecond=0)
+    hour = time.replace(minute=0, second=0, microsecond=0)
     before = hour - timedelta(hours=hour.hour % STEP_HOURS)
     if before == time:
         return (before,)

@@ -1,7 +1,7 @@
 """From a time and a sector to the ABI files of one scan."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
 from .buckets import (
@@ -17,7 +17,7 @@ from .buckets import (
 from .errors import DataError
 from .fetch_item import AbiItem
 from .object_store import Bucket, Link, Listed
-from .satellites import satellite_at
+from .satellites import in_utc, satellite_at
 from .scene import SAME_SCAN
 
 
@@ -65,6 +65,7 @@ def plan_goes(request: GoesRequest, link: Link) -> GoesPlan:
     **Raises:** `DataError` if there is no scan with all of the bands within `WITHIN`
     of the time.
     """
+    request = replace(request, time=in_utc(request.time))
     bucket = link.bucket(goes_bucket(satellite_at(request.satellite, request.time)))
     if request.sector not in SECTORS or not request.bands:
         raise DataError(

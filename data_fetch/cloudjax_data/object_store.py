@@ -1,6 +1,7 @@
 """Buckets as obstore reaches them: anonymous, read only, one policy of retries."""
 
 import random
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -29,8 +30,9 @@ REGION = "us-east-1"
 # What a broken connection loses at most.
 _CHUNK = 2**17
 _LONGEST_WAIT_S = 30.0
-# What another try cannot mend.
-FINAL = (NotFoundError, FileNotFoundError, PermissionDeniedError, PreconditionError)
+_FINAL = (NotFoundError, FileNotFoundError, PermissionDeniedError, PreconditionError)
+# The client's fault, but for time-outs and too many requests.
+_FINAL_STATUS = re.compile(r"status code: 4(?!08|29)\d\d")
 
 T = TypeVar("T")
 
@@ -181,7 +183,7 @@ class Bucket:
             except (NotFoundError, FileNotFoundError) as error:
                 raise FileNotFoundError(f"{self.origin}/{what}") from error
             except (BaseError, OSError) as error:
-                if isinstance(error, FINAL) or not retry.wait():
+                if is_final(error) or not retry.wait():
                     raise DataError(
                         f"{self.origin} would not {verb} {what} ({reason(error)}): "
                         "try again later or use another endpoint; nothing was written."
@@ -211,6 +213,11 @@ class Retry:
             time.sleep(seconds)
             return True
         return not self._stop.wait(seconds)
+
+
+def is_final(error: Exception) -> bool:
+    """Whether another try cannot mend it."""
+    return isinstance(error, _FINAL) or bool(_FINAL_STATUS.search(str(error)))
 
 
 def reason(error: Exception) -> str:

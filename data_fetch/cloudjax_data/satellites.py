@@ -23,6 +23,13 @@ POSITIONS = {
 }
 
 
+def in_utc(time: datetime) -> datetime:
+    """The same time in UTC. Raises `DataError` if it has no time zone."""
+    if time.tzinfo is None:
+        raise DataError(f"{time} has no time zone: give it one, such as datetime.UTC.")
+    return time.astimezone(UTC)
+
+
 def satellite_at(name: str, time: datetime) -> str:
     """The satellite of that name, or the one that stood in that position.
 

@@ -20,7 +20,7 @@ from .errors import DataError
 from .fetch_item import FetchItem
 from .file_lock import PARTIAL, locked
 from .manifest import Checksums, checksums, read_manifest, record
-from .object_store import FINAL, Bucket, Link, Retry, reason
+from .object_store import Bucket, Link, Retry, is_final, reason
 
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -176,18 +176,18 @@ class _Transfers:
                     if self.stop.is_set():
                         raise InterruptedError
                     if done + len(block) > item.size:
-                        raise _Broken(f"{bucket.origin}/{item.key} has no end")
+                        raise _Broken(
+                            f"{bucket.origin}/{item.key} is longer than listed"
+                        )
                     _write(descriptor, block)
                     done += len(block)
                     self.progress.advances(len(block))
                 if done == before:
                     raise ConnectionError("the connection ended too early")
-            except FINAL as error:
-                raise _unobtainable(bucket, item, error) from error
-            except (BaseError, ConnectionError) as error:
+            except (BaseError, FileNotFoundError, ConnectionError) as error:
                 if done > before:
                     retry.progressed()
-                if not retry.wait():
+                if is_final(error) or not retry.wait():
                     raise _unobtainable(bucket, item, error) from error
         return done - begun
 

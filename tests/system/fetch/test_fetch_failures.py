@@ -275,6 +275,13 @@ def test_a_store_that_is_always_busy_or_not_there(scan, mischief, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_bucket_that_is_not_there_is_not_asked_again(mischief):
+    patient = Link(endpoint=mischief.url, retries=9, first_wait_s=5.0)
+    with pytest.raises(DataError, match="404 Not Found"):
+        plan_goes(REQUEST, patient)
+    assert len(mischief.requests) == 1
+
+
 def test_a_full_disk_says_so(scan, mischief, link, tmp_path, monkeypatch):
     real, room = os.write, [50_000]
 

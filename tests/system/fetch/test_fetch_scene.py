@@ -7,6 +7,7 @@ import shlex
 import shutil
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
@@ -91,6 +92,15 @@ def test_only_the_needed_messages_of_the_gfs_are_asked_for(scene, mischief, tmp_
     cube = read_weather(file)
     assert list(cube.data["level"]) == [1000, 850, 500, 200, 70]
     assert set(cube.data) == {*REQUIRED, *OPTIONAL, *GROUND}
+
+
+def test_a_terminal_gets_a_bar(scene, mischief, tmp_path, monkeypatch):
+    terminal = SimpleNamespace(stdout=SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr("cloudjax_fit.cli.fetch_progress.sys", terminal)
+    result = run("goes", *CONUS, "-o", tmp_path, *_at(mischief))
+    assert result.exit_code == 0, result.output
+    assert ".nc" not in result.output
+    assert "0.1 MB transferred" in result.output
 
 
 def test_a_dry_run_lists_names_and_sizes_and_writes_nothing(scene, mischief, tmp_path):

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from cloudjax_data import DataError
+from cloudjax_data import DataError, GoesRequest, Link, plan_gfs, plan_goes
 from cloudjax_data.satellites import satellite_at
 
 
@@ -30,6 +30,17 @@ def test_who_stood_there(position, day, satellite):
 def test_nobody_before_the_first(position, year):
     with pytest.raises(DataError, match="choose a later time"):
         satellite_at(position, datetime(year, 6, 1, tzinfo=UTC))
+
+
+def test_a_time_without_a_zone_is_none():
+    time = datetime(2023, 4, 26, 17)
+    request = GoesRequest("east", time, "conus", (1,))
+    for ask in (
+        lambda: plan_goes(request, Link(endpoint="none")),
+        lambda: plan_gfs(time, "1p00", Link(endpoint="/")),
+    ):
+        with pytest.raises(DataError, match="2023-04-26 17:00:00 has no time zone"):
+            ask()
 
 
 def test_other_names():
