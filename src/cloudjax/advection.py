@@ -328,11 +328,17 @@ class DisplacementMap(eqx.Module):
         points give float64 results, in error by the 1e-7 of the displacement that its
         storage in float32 costs. Without wind the result is exactly `points`.
         """
+        return points + self.displacement_of(points)
+
+    def displacement_of(
+        self, points: Float[AnyArray, "*points 3"]
+    ) -> Float[AnyArray, "*points 3"]:
+        """`upwind` less the points, without the rounding of that difference."""
         if isinstance(self.displacement, Tracer):
             points = jnp.asarray(points)
         nodes = self.displacement
         between = self.grid.sample(nodes, *latitude_longitude_deg(points))
-        return points + _onto_sphere(points, between)
+        return _onto_sphere(points, between)
 
 
 def _global_grid(resolution_deg: float) -> LatLonGrid:

@@ -20,8 +20,16 @@ from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
 from .footprint import POINT, Footprint
-from .geodesy import geodetic
-from .path import Path, along_chord, device_array, navigate, points_along, upwind
+from .geodesy import geodetic, up
+from .path import (
+    Path,
+    along_chord,
+    device_array,
+    drift_m,
+    navigate,
+    points_along,
+    strain,
+)
 from .rays import Rays
 from .shell import Chords, Shell
 from .source import AbstractCloudSource, Occupancy
@@ -223,21 +231,30 @@ class FractalCloud(AbstractCloudSource):
     ) -> FractalPath:
         """Ways of rays along chords of the shell, on the host in float64."""
         points = points_along(rays, chord, knots)
+        places = [geodetic(point) for point in points]
+        periods = np.asarray(self.length_scales_m)[:, None]
+        entry = points[0][:, None] / periods
+        change = np.stack([point - points[0] for point in points[1:]], axis=-1)
+        way = FractalPath(
+            path=navigate(rays, chord),
+            mask=jnp.stack([_mask_at(mask, *place) for place in places], axis=-1),
+            texture_entry=device_array(entry % 1.0),
+            texture_change=device_array(change[:, None] / periods[..., None]),
+            strain=None,
+        )
         maps = displacements
         if not isinstance(maps, Sequence):
             maps = [displacements] * len(self.length_scales_m)
-        periods = np.asarray(self.length_scales_m)[:, None]
-        sources = [_for_each(maps, _source, point) / periods for point in points]
-        strain = None
-        if any(m is not None for m in maps):
-            strain = device_array(_for_each(maps, _strain, points[0]))
-        changes = [source - sources[0] for source in sources[1:]]
-        return FractalPath(
-            path=navigate(rays, chord),
-            mask=jnp.stack([_mask_at(mask, point) for point in points], axis=-1),
-            texture_entry=device_array(sources[0] % 1.0),
-            texture_change=device_array(np.stack(changes, axis=-1)),
-            strain=strain,
+        if all(m is None for m in maps):
+            return way
+        vertical = np.stack([up(φ, λ) for φ, λ, _ in places], axis=-2)
+        altitude = np.stack([z for _, _, z in places], axis=-1)
+        return _drifted(
+            way,
+            device_array(vertical),
+            device_array(altitude),
+            *_distinct(maps),
+            device_array(periods[:, 0]),
         )
 
     def sample(
@@ -327,30 +344,41 @@ def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays st
     return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
 
 
-def _mask_at(mask, position_m) -> Float[Array, " rays"]:
+def _mask_at(mask, latitude_deg, longitude_deg, _) -> Float[Array, " rays"]:
     if mask is None:
-        return jnp.zeros(len(position_m))
-    latitude, longitude, _ = geodetic(position_m)
-    return device_array(mask(latitude, longitude))
+        return jnp.zeros(len(latitude_deg))
+    return device_array(mask(latitude_deg, longitude_deg))
 
 
-def _for_each(maps, function, position_m) -> Float[np.ndarray, "rays textures ..."]:
-    """A function of positions and each map, done once for maps that are the same."""
-    found = {id(m): function(position_m, m) for m in maps}
-    return np.stack([found[id(m)] for m in maps], axis=1)
+def _distinct(maps) -> tuple[tuple, tuple[int, ...]]:
+    """The maps, each once, and which one each texture has: textures may share one."""
+    once = {id(m): m for m in maps}
+    order = list(once)
+    return tuple(once.values()), tuple(order.index(id(m)) for m in maps)
 
 
-def _source(position_m, displacement):
-    return position_m if displacement is None else upwind(position_m, displacement)
-
-
-def _strain(position_m, displacement, step_m=2e3):
-    """∂x'/∂x by central differences over a few kilometres, [rays 3 3]."""
-    if displacement is None:
-        return np.broadcast_to(np.eye(3), (len(position_m), 3, 3))
-    columns = [
-        upwind(position_m + step, displacement)
-        - upwind(position_m - step, displacement)
-        for step in step_m * np.eye(3)
+@eqx.filter_jit
+def _drifted(
+    way: FractalPath,
+    vertical: Float[Array, "rays knots 3"],
+    altitude_m: Float[Array, "rays knots"],
+    maps: tuple,
+    map_of: tuple[int, ...],
+    periods_m: Float[Array, " textures"],
+) -> FractalPath:
+    """A way whose air came from elsewhere, by the displacement map of each texture."""
+    drifts = [
+        0 * vertical if m is None else drift_m(vertical, altitude_m, m) for m in maps
     ]
-    return np.stack(columns, axis=-1) / (2 * step_m)
+    calm = jnp.broadcast_to(jnp.eye(3), (len(vertical), 3, 3))
+    strains = [calm if m is None else strain(vertical[:, 0], m) for m in maps]
+    scale = periods_m[None, :, None, None]
+    drift = jnp.stack([drifts[i] for i in map_of], axis=1) / scale
+    start, further = drift[:, :, 0], drift[:, :, 1:] - drift[:, :, :1]
+    return FractalPath(
+        path=way.path,
+        mask=way.mask,
+        texture_entry=(way.texture_entry + start) % 1.0,
+        texture_change=way.texture_change + jnp.moveaxis(further, 2, 3),
+        strain=jnp.stack([strains[i] for i in map_of], axis=1),
+    )

@@ -15,17 +15,18 @@ from .rays import Rays
 from .shell import Shell, chords, second_chords
 
 
-# Widths of one kind agree within a factor of √2, verticals within some 12 degrees,
-# directions within 15; a footprint longer than this times its width is an ellipse.
-_RUNGS_PER_OCTAVE = 2
-_VERTICAL_CELL = 0.4
-_DIRECTIONS = 6
-_ROUND = 1.3
-# At the limb a footprint has no end. 20 times its width is 3 degrees above it.
-_LONGEST = 20.0
-# Way over the ground within which winds and masks are as good as linear.
+# Widths of one kind agree within a factor of √2, lengths over widths within 1.6,
+# verticals within some 14 degrees, directions within 23 where that is above 1.27.
+_WIDTHS_PER_OCTAVE = 2.0
+_STRETCHES_PER_OCTAVE = 1.5
+_VERTICAL_CELL = 0.5
+_DIRECTIONS = 4
+# At the limb a footprint has no end. 6 times its width is 10 degrees above it.
+_LONGEST = 6.0
+# Way over the ground within which winds and masks are as good as linear, and the knots
+# of longer ways.
 _KNOT_SPACING_M = 60e3
-_MOST_KNOTS = 9
+_MANY_KNOTS = 9
 
 
 @dataclass(frozen=True)
@@ -96,15 +97,15 @@ def kinds(
     slant = np.abs((vertical * rays.direction).sum(-1))
     width = rays.pixel_rad * np.maximum(middle, 1.0)
     stretch = np.minimum(1 / np.maximum(slant, 1e-9), _LONGEST)
-    ways = np.maximum(chord.length_m, again.length_m) * np.sqrt(1 - slant**2)
-    pieces = np.clip(np.ceil(ways / _KNOT_SPACING_M), 1, _MOST_KNOTS - 1)
+    rung = np.round(_STRETCHES_PER_OCTAVE * np.log2(stretch))
+    far = np.maximum(chord.length_m, again.length_m) * np.sqrt(1 - slant**2)
     return np.stack(
         [
-            _rung(width),
-            np.where(stretch > _ROUND, _rung(stretch), 0),
+            np.round(_WIDTHS_PER_OCTAVE * np.log2(width)),
+            rung,
             *cell.T,
-            np.where(stretch > _ROUND, _heading(rays.direction, cell), 0),
-            2 ** np.ceil(np.log2(pieces)) + 1,
+            np.where(rung > 0, _heading(rays.direction, cell), 0),
+            np.where(far > _KNOT_SPACING_M, _MANY_KNOTS, 2),
             again.length_m > 0,
         ],
         axis=-1,
@@ -113,7 +114,8 @@ def kinds(
 
 def kind_of(row: Int[np.ndarray, "8"]) -> Kind:
     """The kind at the middle of a cell."""
-    width, stretch = 2.0 ** (row[:2] / _RUNGS_PER_OCTAVE)
+    width = 2.0 ** (row[0] / _WIDTHS_PER_OCTAVE)
+    stretch = 2.0 ** (row[1] / _STRETCHES_PER_OCTAVE)
     vertical = row[2:5] / np.linalg.norm(row[2:5])
     angle = np.pi * row[5] / _DIRECTIONS
     east, north = _level_axes(vertical[None])
@@ -126,10 +128,6 @@ def kind_of(row: Int[np.ndarray, "8"]) -> Kind:
         float(1 / stretch),
     )
     return Kind(footprint, int(row[6]), bool(row[7]))
-
-
-def _rung(size):
-    return np.round(_RUNGS_PER_OCTAVE * np.log2(size))
 
 
 def _heading(direction, cell):

@@ -27,7 +27,6 @@ Background = Callable[[Int[np.ndarray, " rays"]], BandRadiances]
 Sight = Callable[[Int[np.ndarray, " rays"]], Rays]
 
 _sample = eqx.filter_jit(sample)
-_SMALLEST_TILE = 256
 _SORTED_AT_ONCE = 1 << 18
 
 
@@ -67,7 +66,7 @@ def render(
     *,
     rays: int | None = None,
     resolution: int = 128,
-    tile: int = 4096,
+    tile: int = 2048,
     with_products: bool = False,
 ) -> Image:
     """March all rays, a tile that fits the cache at a time.
@@ -194,7 +193,7 @@ def _tiles(
 ) -> Iterator[tuple[Kind, tuple, Int[np.ndarray, " rays"], Int[np.ndarray, " tile"]]]:
     """Kind, textures, and numbers of the rays of each tile, also filled up to its size.
 
-    Copies of the last ray fill a tile up, so that a few compilations serve. With
+    Copies of the last ray fill a tile up, so that one compilation serves. With
     `alike`, kinds that differ in their footprint only are told apart.
     """
     rows = np.concatenate(
@@ -207,6 +206,7 @@ def _tiles(
     if alike:
         rows[:, 6:] = 2, 0
     found, kind_of_ray = np.unique(rows, axis=0, return_inverse=True)
+    tile = min(tile, max(count, 1))
     order = np.argsort(kind_of_ray, kind="stable")
     ends = np.cumsum(np.bincount(kind_of_ray.reshape(-1), minlength=len(found)))
     for row, members in zip(found, np.split(order, ends[:-1]), strict=True):
@@ -214,8 +214,7 @@ def _tiles(
         textures = _textures(scene, kind.footprint, resolution)
         for start in range(0, len(members), tile):
             index = members[start : start + tile]
-            size = _tile_size(len(index), tile)
-            last = np.full(size - len(index), index[-1])
+            last = np.full(tile - len(index), index[-1])
             yield kind, textures, index, np.concatenate([index, last])
 
 
@@ -231,10 +230,3 @@ def _air(scene: Scene) -> Shell:
     if not shells:
         return Shell(0.0, 10e3)
     return Shell(min(s.bottom_m for s in shells), max(s.top_m for s in shells))
-
-
-def _tile_size(rays: int, largest: int) -> int:
-    size = _SMALLEST_TILE
-    while size < rays:
-        size *= 2
-    return min(size, largest)

@@ -44,7 +44,7 @@ class March(eqx.Module):
 
     def transmittance(
         self, extinction_per_m: Float[Array, ""]
-    ) -> Float[Array, "rays steps+1"]:
+    ) -> Float[Array, "rays ends"]:
         """Mean over sub-pixel structures, from the entry to the end of each step."""
         through = self.mean(jnp.exp(-extinction_per_m * self.cloud_m))
         return jnp.concatenate([jnp.ones_like(through[:, :1]), through], axis=-1)

@@ -1,0 +1,313 @@
+"""A scene made of weather alone: all classes of cloud, anywhere on Earth.
+
+Where imagery is fitted, the scene comes from it (`model.py`). Here masks, winds and
+temperatures come from weather analyses, the ground from a table.
+"""
+
+import functools as ft
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from cloudjax import (
+    ICE,
+    WATER,
+    BandRadiances,
+    CloudClass,
+    Conditions,
+    DisplacementMap,
+    EmissiveBands,
+    LatLonGrid,
+    Layer,
+    MaskGrid,
+    Rays,
+    ReflectiveBands,
+    Scene,
+    StandardAtmosphere,
+    TwoFlux,
+    Weather,
+    Wind,
+    cloud_classes,
+    cloud_fraction,
+    displacement_map,
+    propagate,
+)
+from cloudjax.geodesy import up
+from cloudjax_data import DataError, WeatherSeries, sun_direction
+
+from .sensor_band import SensorBand
+from .surface import Surface
+
+
+EARTH_RADIUS_M = 6371e3
+MAP_STEP_DEG = 1.0
+# Levels of the temperature field, linear in between.
+_LEVELS_M = np.arange(0.0, 16e3, 500.0)
+_PARTICLES = {"water": WATER, "ice": ICE}
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Weather and what is made of it.
+
+    **Fields:**
+
+    - `series`: analyses of one time or several, over the whole globe.
+    - `classes`: of cloud, by name.
+    - `seed`: of all textures.
+    - `steps`: through each shell.
+    - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
+
+    **Raises:** `DataError` for regional weather: air comes from outside of it.
+    """
+
+    series: WeatherSeries
+    classes: Mapping[str, CloudClass] = field(default_factory=cloud_classes)
+    seed: int = 0
+    steps: int = 24
+    omega_sign: float = -1.0
+
+    def __post_init__(self):
+        cube = self.series.cubes[0]
+        if not cube.is_global:
+            raise DataError(
+                f"{cube.path} covers a region only: get the global analysis, for the "
+                "wind brings clouds from outside."
+            )
+
+    def scene(self, bands: Sequence[SensorBand], distance_au: float = 1.0) -> Scene:
+        """All classes, for the bands of a sensor."""
+        reflective = [band for band in bands if band.reflective]
+        emissive = [band for band in bands if not band.reflective]
+        layers = tuple(
+            _layer(one, self.seed + 100 * i, self.steps, reflective, emissive)
+            for i, one in enumerate(self.classes.values())
+        )
+        return Scene(
+            layers=layers,
+            reflective=_reflective(reflective, distance_au),
+            emissive=_emissive(emissive),
+            reflection=TwoFlux(indirect=jnp.asarray(0.3)),
+            temperature=StandardAtmosphere(),
+        )
+
+    def weather(self, time: datetime) -> Weather:
+        """Masks, winds and temperatures of one time."""
+        maps = {
+            key: self._map(*key, time=time)
+            for one in self.classes.values()
+            for key in _winds(one)
+        }
+        return self._weather(time, maps)
+
+    def frames(self, start: datetime, count: int, minutes: float):
+        """Times and weather of an animation, each map carried on from the one before.
+
+        Yields `(time, Weather)`.
+        """
+        keys = {key for one in self.classes.values() for key in _winds(one)}
+        maps = {key: self._map(*key, time=start) for key in keys}
+        for i in range(count):
+            time = start + timedelta(minutes=i * minutes)
+            if i > 0:
+                maps = {
+                    (altitude, hours): propagate(
+                        earlier, self._wind(altitude, start), duration_s=60 * minutes
+                    )
+                    for (altitude, hours), earlier in maps.items()
+                }
+            yield time, self._weather(time, maps)
+
+    def fractions(
+        self, conditions: Conditions, time: datetime
+    ) -> Float[np.ndarray, "lat lon"]:
+        """Cloud fraction of a class by the decision of Table 1."""
+        altitude = float(conditions.sampling_altitude_m)
+        return fractions_at(
+            self.series.at_altitude(altitude, time), conditions, self.omega_sign
+        )
+
+    def background(self, scene: Scene, rays: Rays, time: datetime) -> BandRadiances:
+        """What is seen without cloud: the ground, through air that takes nothing.
+
+        Zero where a ray misses the Earth.
+        """
+        ground, hit = rays.ground()
+        φ, λ = ground.latitude_deg, ground.longitude_deg
+        reflective = emissive = None
+        if scene.reflective is not None:
+            height = np.maximum((up(φ, λ) * sun_direction(time)).sum(-1), 0)
+            albedo = self.surface.reflectance(scene.reflective.numbers, φ, λ)
+            seen = jnp.asarray(np.where(hit, albedo * height, 0), float)
+            reflective = scene.reflective.radiance(seen)
+        if scene.emissive is not None:
+            kelvin = jnp.asarray(self.surface.temperature_k(φ, λ), float)
+            emissive = jnp.where(hit, scene.emissive.planck(kelvin), 0)
+        return BandRadiances(reflective, emissive)
+
+    @ft.cached_property
+    def surface(self) -> Surface:
+        return Surface(self.series.cubes[0])
+
+    def temperature_k(self, latitude_deg, longitude_deg, altitude_m):
+        """Of the air of the first analysis, [points] each, numpy."""
+        nodes, grid = self._temperatures
+        level = np.clip(altitude_m / _LEVELS_M[1], 0, len(_LEVELS_M) - 1)
+        below = np.minimum(level.astype(int), len(_LEVELS_M) - 2)
+        corners = grid.corners(latitude_deg, longitude_deg)
+        low, high = (
+            sum(weight * nodes[index, z] for index, weight in corners)
+            for z in (below, below + 1)
+        )
+        return low + (level - below) * (high - low)
+
+    @ft.cached_property
+    def _temperatures(self):
+        cube = self.series.cubes[0]
+        levels = [cube.at_altitude(float(z))["t"].to_numpy() for z in _LEVELS_M]
+        nodes = _filled(np.stack(levels, axis=-1)).reshape(-1, len(_LEVELS_M))
+        return nodes, _grid(cube.data)
+
+    def _weather(self, time, maps: Mapping) -> Weather:
+        masks, displacements = [], []
+        for one in self.classes.values():
+            level = self.series.cubes[0].data
+            mask = MaskGrid.from_fraction(
+                np.nan_to_num(self.fractions(one.conditions, time)),
+                level["latitude"].to_numpy(),
+                level["longitude"].to_numpy(),
+            )
+            altitude = float(one.conditions.sampling_altitude_m)
+            drawn = maps.get((altitude, one.mask_displacement_hours))
+            masks.append(mask if drawn is None else DisplacedMask(mask, drawn))
+            displacements.append(
+                [maps.get((altitude, t.displacement_hours)) for t in one.textures]
+            )
+        return Weather(masks, displacements, self.temperature_k)
+
+    def _map(self, altitude_m: float, hours: float, *, time: datetime):
+        return displacement_map(
+            self._wind(altitude_m, time), hours=hours, resolution_deg=MAP_STEP_DEG
+        )
+
+    def _wind(self, altitude_m: float, origin: datetime) -> Wind:
+        # Where the level is within a mountain, the air does not move.
+        eastward, northward = (np.nan_to_num(w) for w in self.series.winds(altitude_m))
+        data = self.series.cubes[0].data
+        return Wind(
+            eastward,
+            northward,
+            data["latitude"].to_numpy(),
+            data["longitude"].to_numpy(),
+            time_s=self.series.seconds_from(origin),
+            radius_m=EARTH_RADIUS_M + altitude_m,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class DisplacedMask:
+    """A weather mask that the wind has drawn out, to be called as the mask itself."""
+
+    mask: MaskGrid
+    displacement: DisplacementMap
+
+    def __call__(self, latitude_deg, longitude_deg):
+        source = self.displacement.upwind(up(latitude_deg, longitude_deg))
+        φ = np.degrees(np.arcsin(np.clip(source[..., 2], -1, 1)))
+        return self.mask(φ, np.degrees(np.arctan2(source[..., 1], source[..., 0])))
+
+
+def fractions_at(
+    level, conditions: Conditions, omega_sign: float = -1.0
+) -> Float[np.ndarray, "lat lon"]:
+    """Cloud fraction of a class from the weather at its altitude; NaN under ground."""
+    humidity, temperature, omega = (
+        jnp.asarray(level[name].to_numpy(), float) for name in ("r", "t", "w")
+    )
+    fraction = cloud_fraction(
+        conditions,
+        jnp.clip(humidity / 100, 0, 1),
+        temperature,
+        omega,
+        omega_sign=omega_sign,
+    )
+    return np.where(np.isnan(humidity), np.nan, np.asarray(fraction, float))
+
+
+def _winds(one: CloudClass) -> set[tuple[float, float]]:
+    """Altitudes and hours of the displacement maps that a class needs."""
+    altitude = float(one.conditions.sampling_altitude_m)
+    hours = {t.displacement_hours for t in one.textures} | {one.mask_displacement_hours}
+    return {(altitude, h) for h in hours if h > 0}
+
+
+def _layer(
+    one: CloudClass,
+    seed: int,
+    steps: int,
+    reflective: Sequence[SensorBand],
+    emissive: Sequence[SensorBand],
+) -> Layer:
+    particles = _PARTICLES[one.particles]
+    return Layer(
+        cloud=one.cloud(seed),
+        extinction_per_m=jnp.asarray(one.extinction_per_m, float),
+        infrared_ratio=jnp.asarray(particles.infrared_ratio, float),
+        co_albedo=jnp.asarray(
+            particles.co_albedo_in([b.number for b in reflective]), float
+        ),
+        relative_absorption=jnp.asarray(
+            particles.relative_absorption_in([b.number for b in emissive]), float
+        ),
+        name=one.name,
+        steps=steps,
+    )
+
+
+def _reflective(
+    bands: Sequence[SensorBand], distance_au: float
+) -> ReflectiveBands | None:
+    if not bands:
+        return None
+    κ0 = [band.coefficients(distance_au)["kappa0"] for band in bands]
+    return ReflectiveBands(
+        numbers=tuple(band.number for band in bands),
+        reflectance_per_radiance=jnp.asarray(np.array(κ0), float),
+        path=jnp.zeros(len(bands)),
+        gain=jnp.ones(len(bands)),
+    )
+
+
+def _emissive(bands: Sequence[SensorBand]) -> EmissiveBands | None:
+    if not bands:
+        return None
+    constants = {
+        name: jnp.asarray([band.coefficients()[name] for band in bands], float)
+        for name in ("fk1", "fk2", "bc1", "bc2")
+    }
+    return EmissiveBands(
+        numbers=tuple(band.number for band in bands),
+        **constants,
+        path=jnp.zeros(len(bands)),
+        gain=jnp.ones(len(bands)),
+    )
+
+
+def _grid(data) -> LatLonGrid:
+    return LatLonGrid.from_axes(
+        data["latitude"].to_numpy(), data["longitude"].to_numpy()
+    )
+
+
+def _filled(levels: Float[np.ndarray, "lat lon z"]) -> Float[np.ndarray, "lat lon z"]:
+    """Temperatures under the ground: those of the first level above it."""
+    known = np.isfinite(levels)
+    first = np.argmax(known, axis=-1)
+    index = np.maximum(np.arange(levels.shape[-1]), first[..., None])
+    # Above the highest level, that one's.
+    last = levels.shape[-1] - 1 - np.argmax(known[..., ::-1], axis=-1)
+    return np.take_along_axis(levels, np.minimum(index, last[..., None]), axis=-1)
