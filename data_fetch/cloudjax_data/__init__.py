@@ -23,6 +23,7 @@ from .scene import AbiScene as AbiScene
 from .scene import to_dataset as to_dataset
 from .scene_folder import SceneFolder as SceneFolder
 from .scene_folder import open_folder as open_folder
+from .sun import earth_sun_distance_au as earth_sun_distance_au
 from .sun import sun_direction as sun_direction
 from .transfer import Fetched as Fetched
 from .transfer import Progress as Progress

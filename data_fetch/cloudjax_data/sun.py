@@ -1,4 +1,4 @@
-"""Where the sun stands."""
+"""Where the sun stands, and how far."""
 
 from datetime import datetime
 
@@ -34,3 +34,11 @@ def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
             np.sin(zenith) * np.cos(azimuth),
         ]
     )
+
+
+def earth_sun_distance_au(time: datetime) -> float:
+    """Distance from the Earth to the sun in astronomical units (Reda and Andreas)."""
+    import pandas as pd
+    from pvlib.solarposition import nrel_earthsun_distance
+
+    return float(nrel_earthsun_distance(pd.DatetimeIndex([time])).iloc[0])

@@ -22,6 +22,7 @@ from cloudjax_data import (
 from .figures import BRIGHTNESS_TEMPERATURE, REFLECTANCE, Display
 from .fitting import SimulatedImage, versions
 from .netcdf import write_netcdf
+from .sensor_band import SensorBand
 from .staging import staged
 from .target import BandTarget, Target
 
@@ -33,7 +34,7 @@ def image_dataset(
     seed: int,
 ) -> xr.Dataset:
     """A CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`."""
-    coordinates = fixed_grid_coordinates(_data_grid(target.grid))
+    coordinates = fixed_grid_coordinates(data_grid(target.grid))
     # Not "t", as in ABI files: xarray would take it for a part of the name of the grid
     # mapping and read it back as a data variable.
     coordinates["time"] = xr.DataArray(
@@ -41,9 +42,13 @@ def image_dataset(
         attrs={"standard_name": "time", "long_name": "middle of the scan, UTC"},
     )
     variables = {
-        f"radiance_{target.bands[number].name}": _radiance(image, target.bands[number])
+        f"radiance_{target.bands[number].name}": radiance_array(
+            image.band(number), target.bands[number]
+        )
         for number in sorted(image.bands)
     }
+    for array in variables.values():
+        array.encoding["grid_mapping"] = GRID_MAPPING
     return xr.Dataset(
         variables | {"cloud_weight": _cloud_weight(image)},
         coords=coordinates,
@@ -117,10 +122,13 @@ def shown(
     return planck.brightness_temperature_k(radiance), BRIGHTNESS_TEMPERATURE
 
 
-def _radiance(image: SimulatedImage, band: BandTarget) -> xr.DataArray:
+def radiance_array(
+    values: Float[np.ndarray, "y x"], band: BandTarget | SensorBand
+) -> xr.DataArray:
+    """A band's radiance with its CF attributes."""
     per = "wavelength" if band.reflective else "wavenumber"
-    array = xr.DataArray(
-        image.band(band.number).astype(np.float32),
+    return xr.DataArray(
+        values.astype(np.float32),
         dims=("y", "x"),
         attrs={
             "standard_name": f"toa_outgoing_radiance_per_unit_{per}",
@@ -130,8 +138,6 @@ def _radiance(image: SimulatedImage, band: BandTarget) -> xr.DataArray:
             "wavelength_um": band.wavelength_um,
         },
     )
-    array.encoding["grid_mapping"] = GRID_MAPPING
-    return array
 
 
 def _cloud_weight(image: SimulatedImage) -> xr.DataArray:
@@ -147,7 +153,7 @@ def _cloud_weight(image: SimulatedImage) -> xr.DataArray:
     return array
 
 
-def _data_grid(grid: FixedGrid) -> cloudjax_data.FixedGrid:
+def data_grid(grid: FixedGrid) -> cloudjax_data.FixedGrid:
     """The renderer's fixed grid as that of the files."""
     return cloudjax_data.FixedGrid(
         x_rad=np.asarray(grid.x_rad, np.float64),

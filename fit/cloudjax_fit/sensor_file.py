@@ -7,7 +7,7 @@ latitude_deg = 25.0
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -61,6 +61,19 @@ class Sensor:
     platform: str
     view: FixedGrid | Camera
     bands: Mapping[int, SensorBand]
+
+    def choose(self, numbers: Sequence[int] | None) -> list[SensorBand]:
+        """Its bands of these numbers, or all.
+
+        **Raises:** `DataError` for one that it lacks.
+        """
+        missing = sorted(set(numbers or ()) - set(self.bands))
+        if missing:
+            raise DataError(
+                f"{self.name} has no band {', '.join(map(str, missing))}: it has "
+                f"{', '.join(map(str, self.bands))}."
+            )
+        return [self.bands[n] for n in numbers or self.bands]
 
 
 def read_sensor(

@@ -5,9 +5,11 @@ temperatures come from weather analyses, the ground from a table.
 """
 
 import functools as ft
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -34,10 +36,17 @@ from cloudjax import (
     cloud_classes,
     cloud_fraction,
     displacement_map,
+    load_classes,
     propagate,
 )
 from cloudjax.geodesy import up
-from cloudjax_data import DataError, WeatherSeries, sun_direction
+from cloudjax_data import (
+    DataError,
+    WeatherSeries,
+    check_altitude,
+    read_weather,
+    sun_direction,
+)
 
 from .sensor_band import SensorBand
 from .surface import Surface
@@ -206,6 +215,32 @@ class World:
             time_s=self.series.seconds_from(origin),
             radius_m=EARTH_RADIUS_M + altitude_m,
         )
+
+
+def open_world(
+    weather: Sequence[str | os.PathLike[str]],
+    classes: str | Path | None = None,
+    **settings,
+) -> World:
+    """A world from files.
+
+    **Arguments:**
+
+    - `weather`: GRIB files of one grid.
+    - `classes`: a TOML file; by default those of Table 1.
+    - `settings`: other fields of `World`.
+
+    **Raises:** `DataError` for any file that does not serve.
+    """
+    series = WeatherSeries.of([read_weather(file) for file in weather])
+    try:
+        known = cloud_classes() if classes is None else load_classes(classes)
+    except (ValueError, OSError) as error:
+        said = error.strerror if isinstance(error, OSError) else error
+        raise DataError(f"{classes} cannot be used: {said}") from error
+    for one in known.values():
+        check_altitude(series.cubes[0], float(one.conditions.sampling_altitude_m))
+    return World(series, known, **settings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,6 +68,7 @@ def render(
     resolution: int = 128,
     tile: int = 2048,
     with_products: bool = False,
+    on_tile: Callable[[int, int], None] | None = None,
 ) -> Image:
     """March all rays, a tile that fits the cache at a time.
 
@@ -81,6 +82,7 @@ def render(
     - `background`: what is seen without cloud.
     - `resolution`: voxels per axis of the textures.
     - `with_products`: the clouds' cover, height, depth and class, too.
+    - `on_tile`: called with the numbers of rays done and of all.
     """
     count = len(sight) if isinstance(sight, Rays) else rays
     if count is None:
@@ -91,6 +93,7 @@ def render(
     leaves: list[np.ndarray] = []
     tree: Any = None
     pending: list = []
+    done = 0
 
     def store(index, seen):
         nonlocal tree
@@ -116,6 +119,9 @@ def render(
         # One tile is navigated on the host while the device works on the one before.
         if len(pending) > 1:
             store(*pending.pop(0))
+        done += len(index)
+        if on_tile is not None:
+            on_tile(done, count)
     for item in pending:
         store(*item)
     seen, clouds = jax.tree.unflatten(tree, leaves)

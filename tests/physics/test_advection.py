@@ -8,15 +8,13 @@ import pytest
 
 from cloudjax.advection import (
     AbstractWind,
-    Euler,
-    Heun,
-    RungeKutta4,
     Velocity,
     Wind,
     displace,
     displacement_map,
     propagate,
 )
+from cloudjax.time_stepping import Euler, Heun, RungeKutta4
 from cloudjax.weather import Scalar
 
 

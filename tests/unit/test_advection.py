@@ -5,15 +5,13 @@ import pytest
 
 from cloudjax.advection import (
     DisplacementMap,
-    Euler,
-    Heun,
-    RungeKutta4,
     Wind,
     displace,
     displacement_map,
     latitude_longitude_deg,
     propagate,
 )
+from cloudjax.time_stepping import Euler, Heun, RungeKutta4
 
 
 LAT, LON = np.arange(-90.0, 91.0, 10.0), np.arange(0.0, 360.0, 10.0)

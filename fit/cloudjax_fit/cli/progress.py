@@ -36,3 +36,24 @@ def _bar(name: str, max_steps: int) -> Iterator[Callable[[int, float], None]]:
             )
 
         yield on_step
+
+
+@contextmanager
+def tile_progress(name: str) -> Iterator[Callable[[int, int], None]]:
+    """What to call with the numbers of rays done and of all."""
+    if sys.stdout.isatty():
+        from rich.progress import Progress
+
+        with Progress(transient=True) as progress:
+            task = progress.add_task(name, total=None)
+            yield lambda done, of: progress.update(task, completed=done, total=of)
+    else:
+        said = 0
+
+        def on_tile(done: int, of: int) -> None:
+            nonlocal said
+            if 10 * done // of > said:
+                said = 10 * done // of
+                click.echo(f"{name}: {10 * said} %")
+
+        yield on_tile

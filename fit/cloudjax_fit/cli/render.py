@@ -1,37 +1,148 @@
 """`cloudjax render`."""
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import click
 
-from .options import bands_option, ignore_weather_option, scene_argument
+from .options import bands_option, ignore_weather_option
+
+
+class Place(click.ParamType):
+    """Latitude and longitude in degrees, such as 25,-80."""
+
+    name = "lat,lon"
+
+    def convert(self, value, param, ctx):
+        try:
+            latitude, longitude = map(float, value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a latitude and a longitude such as 25,-80")
+        return latitude, longitude
+
+
+_TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 
 
 @click.command()
-@scene_argument
+@click.argument("target", metavar="SCENE|SENSOR")
 @click.option("-o", "--output", required=True, metavar="OUT.nc")
 @bands_option
-@click.option("--parameters", metavar="FILE", help="The parameters.toml of a fit.")
 @click.option("--steps", type=int, help="Through each cloud shell.")
 @click.option("--resolution", type=int, help="Voxels per axis.")
 @click.option("--seed", type=int, help="Of the clouds.")
+@click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
-def render(scene, output, bands, parameters, ignore_weather, **options) -> None:
-    """Simulate a scene's radiances on its own grid.
+@click.option(
+    "--weather",
+    multiple=True,
+    metavar="GRIB",
+    help="Sensor: a global analysis; again for those of other times.",
+)
+@click.option("--time", type=_TIMES, help="Sensor: UTC.  [default: of the weather]")
+@click.option("--frames", type=click.IntRange(1), default=1, help="Sensor: images.")
+@click.option("--minutes", type=float, default=30.0, help="Sensor: between frames.")
+@click.option("--classes", metavar="TOML", help="Sensor: of cloud.")
+@click.option("--longitude", type=float, help="Sensor: of an ABI's satellite.")
+@click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
+def render(target, output, bands, weather, **options) -> None:
+    """Simulate the radiances of a scene, or of a sensor over weather.
 
-    Writes OUT.nc (CF, geostationary) and a picture, OUT.png, beside it. Where clouds
-    may stand and what is below them comes from the scene.
+    A SCENE is a folder: where clouds may stand and what is below them comes from its
+    files. A SENSOR is a name such as abi-fulldisk-10km, abi-conus-2km or abi-meso-1km,
+    or a TOML file; clouds, winds and ground come from --weather.
+
+    Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
+    and so on.
     """
-    from cloudjax_fit.image_file import write_image_and_picture
-    from cloudjax_fit.prepare import prepare
-    from cloudjax_fit.rendering import render_run
     from cloudjax_fit.staging import require_writable
 
     path = Path(output)
     if path.suffix != ".nc":
         raise click.UsageError(f"the output is a netCDF file, and {output} is not *.nc")
     require_writable(path.parent)
-    run = prepare(scene, bands=bands, options=options, ignore_weather=ignore_weather)
-    image, values = render_run(run, parameters)
+    if Path(target).is_dir():
+        if weather:
+            raise click.UsageError(
+                f"{target} is a scene, whose weather is in its folder: leave out "
+                "--weather"
+            )
+        _render_scene(target, path, bands, options)
+    else:
+        _render_sensor(target, path, bands, weather, options)
+
+
+def _render_scene(scene: str, path: Path, bands, options) -> None:
+    from cloudjax_fit.image_file import write_image_and_picture
+    from cloudjax_fit.prepare import prepare
+    from cloudjax_fit.rendering import render_run
+
+    run = prepare(
+        scene,
+        bands=bands,
+        options={name: options[name] for name in ("steps", "resolution", "seed")},
+        ignore_weather=options["ignore_weather"],
+    )
+    image, values = render_run(run, options["parameters"])
     write_image_and_picture(path, image, run.target, values, run.settings.fit.seed)
     click.echo(f"{path} and {path.with_suffix('.png')}")
+
+
+def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
+    from cloudjax_fit.sensor_file import read_sensor
+    from cloudjax_fit.sensor_image import render_sensor, write_sensor_image
+    from cloudjax_fit.world import open_world
+
+    from .progress import tile_progress
+
+    if options["parameters"] is not None:
+        raise click.UsageError("--parameters is for a scene: give --classes TOML")
+    view = read_sensor(
+        sensor,
+        subsatellite_longitude_deg=options["longitude"],
+        centre=options["centre"],
+    )
+    chosen = view.choose(bands)
+    if not weather:
+        raise click.UsageError(f"{sensor} needs clouds: give --weather GFS.grib2")
+    given = {name: options[name] for name in ("seed", "steps")}
+    world = open_world(
+        weather,
+        options["classes"],
+        **{name: value for name, value in given.items() if value is not None},
+    )
+    start = _start(options["time"], world)
+    frames = options["frames"]
+    for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
+        file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
+        with tile_progress(file.name) as on_tile:
+            image = render_sensor(
+                world,
+                view,
+                chosen,
+                time,
+                air,
+                resolution=options["resolution"] or 128,
+                on_tile=on_tile,
+            )
+        write_sensor_image(file, image, world)
+        click.echo(f"{file} and {file.with_suffix('.png')}")
+
+
+def _start(time: datetime | None, world) -> datetime:
+    """The time of the first frame, near to the weather."""
+    from cloudjax_data import DataError
+
+    first, last = world.series.times[0], world.series.times[-1]
+    if time is None:
+        return first
+    time = time.replace(tzinfo=UTC)
+    slack = timedelta(hours=3)
+    if not first - slack <= time <= last + slack:
+        said = "%Y-%m-%d %H:%M"
+        raise DataError(
+            f"{world.series.cubes[0].path} and what else is given are of "
+            f"{first.strftime(said)} to {last.strftime(said)} UTC, hours from "
+            f"{time.strftime(said)}: give the analyses around that time."
+        )
+    return time
