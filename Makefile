@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
 
-.PHONY: demo test test-slow lint check bench-tradeoff bench-large-image clean
+.PHONY: demo test test-slow lint check bench-tradeoff bench-footprint bench-large-image clean
 
 demo: $(VENV)/installed
 	$(BIN)/cloudjax demo -o out/demo
@@ -26,6 +26,9 @@ check: lint test
 
 bench-tradeoff: $(VENV)/installed
 	$(BIN)/python benchmarks/tradeoff.py -o out/tradeoff
+
+bench-footprint: $(VENV)/installed
+	$(BIN)/python benchmarks/footprint.py -o out/footprint
 
 bench-large-image: $(VENV)/installed
 	$(BIN)/python benchmarks/large_image.py -o out/large_image

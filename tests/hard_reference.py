@@ -19,15 +19,11 @@ _CARTESIAN = pyproj.Transformer.from_pipeline("+proj=cart +ellps=GRS80")
 
 @dataclass(frozen=True)
 class HardMarch:
-    """Per ray: way through cloud, distance of and normal at the first step in cloud.
-
-    `crossing_m` is where the cloud function first turns positive along a finer march.
-    """
+    """Per ray: way through cloud, distance of and normal at the first step in cloud."""
 
     depth_m: np.ndarray
     distance_m: np.ndarray
     normal: np.ndarray
-    crossing_m: np.ndarray
     step_m: np.ndarray
 
 
@@ -75,23 +71,16 @@ def march(cloud: FractalCloud, textures, rays: Rays, steps: int) -> HardMarch:
     """March all rays; rays that meet no cloud have depth 0 and the rest undefined."""
     voxels = [np.asarray(t.voxels, np.float64) for t in textures]
     chord = chords(rays, cloud.shell)
-
-    def in_cloud(count):
-        along = chord.length_m[:, None] * (np.arange(count) + 0.5) / count
-        distance = chord.entry_m[:, None] + along
-        place = rays.origin_m[:, None] + distance[..., None] * rays.direction[:, None]
-        return along, place, cloud_function(cloud, voxels, place) > 0
-
-    along, place, inside = in_cloud(steps)
+    along = chord.length_m[:, None] * (np.arange(steps) + 0.5) / steps
+    distance = chord.entry_m[:, None] + along
+    place = rays.origin_m[:, None] + distance[..., None] * rays.direction[:, None]
+    inside = cloud_function(cloud, voxels, place) > 0
     first = inside.argmax(-1)[:, None]
     surface = np.take_along_axis(place, first[..., None], axis=1)[:, 0]
-    fine, _, fine_inside = in_cloud(16 * steps)
-    crossing = np.take_along_axis(fine, fine_inside.argmax(-1)[:, None], 1)[:, 0]
     step = chord.length_m / steps
     return HardMarch(
         inside.sum(-1) * step,
         np.take_along_axis(along, first, axis=1)[:, 0],
         _normal(cloud, voxels, surface),
-        crossing,
         step,
     )

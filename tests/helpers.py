@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
+    POINT,
     BandRadiances,
     CloudFunction,
     EmissiveBands,
+    Footprint,
     FractalCloud,
     InvertedWorley,
     Latent,
@@ -20,6 +23,9 @@ from cloudjax import (
     Shell,
     StandardAtmosphere,
     TwoFlux,
+    navigate,
+    radiances,
+    sample,
 )
 from cloudjax.geodesy import ecef
 
@@ -68,6 +74,13 @@ def ground_points(
 def geostationary_rays(count: int = 40, spread_deg: float = 2.0, seed=0) -> Rays:
     """Rays from a geostationary satellite to random points near 20 N 10 E."""
     return rays_to(GEOSTATIONARY_M, ground_points(count, 20, 10, spread_deg, seed))
+
+
+def limb_rays(*altitudes_m: float) -> Rays:
+    """Rays from far over longitude 0 that graze the equator at 90 E at altitudes."""
+    y = 6378137.0 + np.array(altitudes_m)
+    origin = np.stack([0 * y + 3e7, y, 0 * y], axis=-1)
+    return Rays(origin, np.broadcast_to([-1.0, 0, 0], origin.shape), 5.6e-5)
 
 
 def sun(zenith_deg: float, latitude_deg=20.0, longitude_deg=10.0) -> np.ndarray:
@@ -171,9 +184,39 @@ def make_background(scene: Scene, rays: int, reflected=20.0, emitted=100.0):
     )
 
 
-def make_textures(scene: Scene, footprint_m: float = 0.0, resolution: int = 16):
+def make_textures(scene: Scene, footprint: Footprint = POINT, resolution: int = 16):
     return tuple(
-        layer.cloud.make_textures(footprint_m, resolution)
-        for layer in scene.layers
-        if isinstance(layer.cloud, FractalCloud)
+        layer.cloud.make_textures(footprint, resolution) for layer in scene.layers
     )
+
+
+def seen_along(
+    scene: Scene,
+    rays: Rays,
+    sun_direction: np.ndarray,
+    background: BandRadiances,
+    masks: Sequence | None = None,
+    *,
+    footprint: Footprint = POINT,
+    resolution: int = 16,
+    **view,
+) -> BandRadiances:
+    """All three parts of the renderer for a few rays."""
+    way = navigate(scene, rays, sun_direction, masks, **view)
+    textures = make_textures(scene, footprint, resolution)
+    return _radiances(scene, _sample(scene, way, textures), background)
+
+
+_sample, _radiances = eqx.filter_jit(sample), eqx.filter_jit(radiances)
+
+
+def arrays(seen: BandRadiances) -> tuple[np.ndarray, np.ndarray]:
+    """Reflective and emissive radiances of a scene that has both."""
+    assert seen.reflective is not None
+    assert seen.emissive is not None
+    return np.asarray(seen.reflective), np.asarray(seen.emissive)
+
+
+def pixel(width_m: float, slant: float = 1.0) -> Footprint:
+    """A pixel above the pole of the ellipse's own axes, longer where seen aslant."""
+    return Footprint(width_m, width_m / slant, slant=slant)

@@ -5,14 +5,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import FixedGrid, Rays, Shell
+from cloudjax import POINT, FixedGrid, Rays, Shell
 from cloudjax.geodesy import ecef, up
 from cloudjax.shell import chords
 from tests.helpers import fractal_cloud, rays_to
 
 
-CLOUD = fractal_cloud(Shell(500.0, 4000.0))
-TEXTURES = CLOUD.make_textures(0.0, 16)
+SHELL = Shell(500.0, 4000.0)
+CLOUD = fractal_cloud(SHELL)
+TEXTURES = CLOUD.make_textures(POINT, 16)
 STEPS = 8
 
 
@@ -24,7 +25,7 @@ def _sampled(way):
 
 def _middles(rays: Rays):
     """Altitude and texture values at the middle of each step, [rays steps]."""
-    altitude, values = _sampled(CLOUD.navigate(rays))
+    altitude, values = _sampled(CLOUD.navigate(rays, chords(rays, SHELL)))
     return np.asarray(altitude), np.stack([np.asarray(v) for v in values])
 
 
@@ -60,14 +61,14 @@ def test_two_satellites_meet_at_the_same_place():
         zero = np.zeros(2)
         satellite = FixedGrid(zero, zero, longitude).satellite_m
         rays = rays_to(satellite, target)
-        way = CLOUD.navigate(rays)
+        way = CLOUD.navigate(rays, chords(rays, SHELL))
         distance = np.linalg.norm(target - satellite) - float(
-            chords(rays, CLOUD.shell).entry_m[0]
+            chords(rays, SHELL).entry_m[0]
         )
         fraction = distance / float(way.path.length_m[0])
         altitude = way.path.altitude_m(jnp.full((1, 1), distance))
         assert float(altitude[0, 0]) == pytest.approx(2250, abs=0.02)
-        place = way.texture_entry[0] + fraction * way.texture_change[0]
+        place = way.texture_entry[0] + fraction * way.texture_change[0, ..., 0]
         expected = target[0] / np.asarray(CLOUD.length_scales_m)[:, None]
         off = (np.asarray(place) - expected + 0.5) % 1 - 0.5
         np.testing.assert_allclose(off, 0, atol=2e-6)
@@ -101,8 +102,8 @@ def test_texture_positions_keep_their_precision_on_the_device():
     """
     angle = np.linspace(-0.14, 0.14, 15)
     rays = FixedGrid(angle, angle, 0.0).rays()
-    chord = chords(rays, CLOUD.shell)
-    way = CLOUD.navigate(rays)
+    chord = chords(rays, SHELL)
+    way = CLOUD.navigate(rays, chords(rays, SHELL))
     exact = rays.at(chord.entry_m)[:, None] / np.array(CLOUD.length_scales_m)[:, None]
     off = (np.asarray(way.texture_entry, float) - exact + 0.5) % 1 - 0.5
     np.testing.assert_allclose(off, 0, atol=1e-7)

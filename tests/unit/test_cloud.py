@@ -10,15 +10,29 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from cloudjax import FractalCloud, Latent, Perlin, Shell
+from cloudjax import POINT, FractalCloud, Latent, Perlin, Shell
 from cloudjax.cloud import FractalSamples
-from tests.helpers import cloud_function, fractal_cloud, geostationary_rays
+from cloudjax.geodesy import ecef, geodetic
+from cloudjax.shell import chords
+from cloudjax.texture import Unresolved
+from tests.helpers import (
+    GEOSTATIONARY_M,
+    cloud_function,
+    fractal_cloud,
+    geostationary_rays,
+    pixel,
+    rays_to,
+)
 
 
 _sampled = eqx.filter_jit(FractalCloud.sample)
 
 
-def _samples(cloud, values, mask: Any = 0.0, altitude=2000.0, lost=(0.0, 0.0)):
+NOTHING = (0.0, 0.0, 0.0)
+
+
+def _samples(values, mask: Any = 0.0, altitude=2000.0, lost=(NOTHING, NOTHING)):
+    """`lost`: common, own and slope of each texture."""
     values = [jnp.asarray(v, float) for v in values]
     like = jnp.ones_like(values[0])
     return FractalSamples(
@@ -26,10 +40,17 @@ def _samples(cloud, values, mask: Any = 0.0, altitude=2000.0, lost=(0.0, 0.0)):
         altitude_m=altitude * like,
         mask=mask * like,
         texture_values=tuple(values),
-        lost_variances=tuple(jnp.asarray(v, float) for v in lost),
+        unresolved=tuple(
+            Unresolved(*(jnp.full(len(like), part) for part in parts)) for parts in lost
+        ),
         up=None,
         texture_gradients=None,
     )
+
+
+def _navigate(cloud, rays, mask=None, displacements=None, **knots):
+    chord = chords(rays, cloud.shell)
+    return cloud.navigate(rays, chord, mask, displacements, **knots)
 
 
 def test_the_cloud_function_is_equation_1():
@@ -67,8 +88,8 @@ def test_the_gradient_in_space_is_that_of_the_differences():
     """
     with jax.enable_x64(True):
         cloud = fractal_cloud(Shell(500.0, 4000.0))
-        textures = cloud.make_textures(0.0, 16)
-        way = cloud.navigate(geostationary_rays(200))
+        textures = cloud.make_textures(POINT, 16)
+        way = _navigate(cloud, geostationary_rays(200))
         found, slopes = eqx.filter_jit(_both_slopes)(cloud, textures, way)
     error = np.abs(np.asarray(found - slopes)).max(0)
     size = np.linalg.norm(slopes, axis=0)
@@ -81,7 +102,7 @@ def _both_slopes(cloud, textures, way, step_m=0.5):
     here = cloud.sample(way, textures, steps=3, with_gradient=True)
     f = cloud.function
     found = f.gradient(here.texture_gradients, here.altitude_m, here.up)[..., 1]
-    middle = way.texture_entry + way.texture_change / 2
+    middle = way.texture_entry + way.texture_change[..., 0] / 2
     zero = jnp.zeros_like(here.altitude_m[:, 1:2])
 
     def value(shift):
@@ -97,9 +118,10 @@ def _both_slopes(cloud, textures, way, step_m=0.5):
 
 
 def test_occupancy_is_a_gaussian_step_as_wide_as_the_smoothing():
+    """Many rays of one step, along which CF does not change."""
     cloud = fractal_cloud(smoothing=0.3, threshold=0.0)
-    values = np.linspace(-1.5, 1.5, 21)[None]
-    found = eqx.filter_jit(cloud.occupancy)(_samples(cloud, [values, 0 * values]))
+    values = np.linspace(-1.5, 1.5, 21)[:, None]
+    found = eqx.filter_jit(cloud.occupancy)(_samples([values, 0 * values]))
     barriers = 2 * np.exp(-5)
     np.testing.assert_allclose(
         found.fraction[0], norm.cdf((values - barriers) / 0.3), atol=1e-5
@@ -107,41 +129,80 @@ def test_occupancy_is_a_gaussian_step_as_wide_as_the_smoothing():
     assert found.gradient is None
 
 
-def test_the_lost_variance_widens_and_shifts_the_level_set():
-    """σ² = s₀² + Σ m² v: a share shifts whole rays, the rest widens the step.
+def test_the_lost_variance_shifts_and_widens_the_level_set():
+    """The common part shifts whole rays, s₀² and the own part widen the step.
 
     Averaged over the nodes, both together are a step of the full width.
     """
     cloud = fractal_cloud(nodes=5, smoothing=0.2, threshold=0.0)
-    values = np.linspace(-2, 2, 15)[None]
-    samples = _samples(cloud, [values, 0 * values], lost=(0.5, 0.3))
+    values = np.linspace(-2, 2, 15)[:, None]
+    samples = _samples([values, 0 * values], lost=((0.4, 0.1, 3e-9), (0.1, 0.2, 4e-9)))
     found = eqx.filter_jit(cloud.occupancy)(samples)
-    lost = 1.0**2 * 0.5 + 0.5**2 * 0.3
+    common, own = 0.4 + 0.5**2 * 0.1, 0.1 + 0.5**2 * 0.2
     cf = values - 2 * np.exp(-5)
     node = np.asarray(cloud.latent.nodes, float)[:, None, None]
-    width = np.sqrt(0.2**2 + 0.2 * lost)
-    expected = norm.cdf((cf + node * np.sqrt(0.8 * lost)) / width)
+    expected = norm.cdf((cf + node * np.sqrt(common)) / np.sqrt(0.2**2 + own))
     np.testing.assert_allclose(found.fraction, expected, atol=2e-5)
     mean = np.tensordot(np.asarray(found.weights), np.asarray(found.fraction), 1)
-    full = norm.cdf(cf / np.sqrt(0.2**2 + lost))
+    full = norm.cdf(cf / np.sqrt(0.2**2 + common + own))
     np.testing.assert_allclose(mean, full, atol=0.02)
+    np.testing.assert_allclose(found.slope_variance, 4e-9, rtol=1e-5)
+
+
+def test_a_single_node_takes_all_that_is_lost_for_width():
+    cloud = fractal_cloud(nodes=1, smoothing=0.2, threshold=0.0)
+    values = np.linspace(-2, 2, 15)[:, None]
+    samples = _samples([values, 0 * values], lost=((0.4, 0.1, 0.0), NOTHING))
+    cf = values - 2 * np.exp(-5)
+    np.testing.assert_allclose(
+        cloud.occupancy(samples).fraction[0],
+        norm.cdf(cf / np.sqrt(0.2**2 + 0.5)),
+        atol=1e-5,
+    )
+
+
+def test_the_change_within_a_step_widens_the_level_set():
+    """σ² = s₀² + (change of CF in the step)²/12, by differences of the neighbours."""
+    cloud = fractal_cloud(smoothing=0.1, threshold=0.0)
+    values = np.array([[-1.0, -0.5, 0.4, 0.5, 0.5]])
+    change = np.array([[0.5, 0.7, 0.5, 0.05, 0.0]])
+    cf = values - 2 * np.exp(-5)
+    np.testing.assert_allclose(
+        cloud.occupancy(_samples([values, 0 * values])).fraction[0],
+        norm.cdf(cf / np.sqrt(0.1**2 + change**2 / 12)),
+        atol=1e-5,
+    )
+
+
+def test_a_level_set_that_cuts_a_step_fills_its_share_of_it():
+    """A straight CF through zero: the cloud is as long as where CF is positive.
+
+    Width and mean of a step are those of a box. Its Gaussian leaves a ripple: the first
+    wave of the sum over steps is exp(-2π²/12)/π = 0.061 of a step.
+    """
+    cloud = fractal_cloud(smoothing=0.0, threshold=0.0)
+    for offset in np.linspace(0, 1, 7):
+        cf = np.arange(-10.0, 10.0)[None] + offset + 2 * np.exp(-5)
+        found = cloud.occupancy(_samples([cf, 0 * cf])).fraction[0].sum()
+        assert float(found) == pytest.approx(9.5 + offset, abs=0.062)
 
 
 def test_nodes_agree_when_nothing_is_lost():
     cloud = fractal_cloud(nodes=3, smoothing=0.1)
-    values = np.linspace(-1, 1, 9)[None]
-    fraction = cloud.occupancy(_samples(cloud, [values, values])).fraction
+    values = np.linspace(-1, 1, 9)[:, None]
+    fraction = cloud.occupancy(_samples([values, values])).fraction
     np.testing.assert_allclose(fraction - fraction[:1], 0, atol=3e-5)
 
 
 def test_a_level_set_without_any_width_is_hard_and_finite():
     """No smoothing, no footprint, no weights, and CF at the threshold or beside it."""
     cloud = fractal_cloud(smoothing=0.0, weights=(0.0, 0.0), threshold=0.0)
-    masks = jnp.asarray([[-1.0, 0.0, 2 * np.exp(-5), 1.0]], float)
+    masks = jnp.asarray([-1.0, 0.0, 2 * np.exp(-5), 1.0], float)[:, None]
 
     def fractions(f):
-        samples = _samples(cloud, [0 * masks, 0 * masks], masks)
-        return dataclasses.replace(cloud, function=f).occupancy(samples).fraction[0, 0]
+        samples = _samples([0 * masks, 0 * masks], masks)
+        changed = dataclasses.replace(cloud, function=f)
+        return changed.occupancy(samples).fraction[0, :, 0]
 
     found = jax.jit(fractions)(cloud.function)
     np.testing.assert_allclose(found[jnp.array([0, 1, 3])], [0, 0, 1], atol=1e-12)
@@ -152,8 +213,8 @@ def test_a_level_set_without_any_width_is_hard_and_finite():
 def test_samples_hold_what_the_way_tells():
     cloud = fractal_cloud()
     rays = geostationary_rays(5)
-    way = cloud.navigate(rays, mask=lambda latitude, longitude: latitude / 10)
-    textures = cloud.make_textures(0.0, 16)
+    way = _navigate(cloud, rays, lambda latitude, longitude: latitude / 10)
+    textures = cloud.make_textures(POINT, 16)
     plain = _sampled(cloud, way, textures, steps=6, with_gradient=False)
     rich = _sampled(cloud, way, textures, steps=6, with_gradient=True)
     assert plain.up is None
@@ -165,29 +226,29 @@ def test_samples_hold_what_the_way_tells():
     assert np.all(np.asarray(way.texture_entry) <= 1)
 
 
-class _Turned:
+class _Turned(eqx.Module):
     """Solid air that came from two degrees further west."""
 
-    def upwind(self, position):
+    def displacement_of(self, points):
         c, s = np.cos(np.radians(2)), np.sin(np.radians(2))
-        return position @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        return points @ jnp.array([[c - 1, -s, 0], [s, c - 1, 0], [0, 0, 0]])
 
 
 def test_wind_moves_the_textures_and_turns_their_gradients():
     """Air in solid rotation: the cloud is the still one, seen 2 degrees further on."""
     with jax.enable_x64(True):
         cloud = fractal_cloud()
-        textures = cloud.make_textures(0.0, 16)
+        textures = cloud.make_textures(POINT, 16)
         c, s = np.cos(np.radians(2)), np.sin(np.radians(2))
         turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])  # to the source
         rays = geostationary_rays(20)
         source = type(rays)(
             rays.origin_m @ turn.T, rays.direction @ turn.T, rays.pixel_rad
         )
-        blown = cloud.navigate(rays, displacements=[_Turned(), _Turned()])
+        blown = _navigate(cloud, rays, None, [_Turned(), _Turned()])
         moved = _sampled(cloud, blown, textures, steps=4, with_gradient=True)
         still = _sampled(
-            cloud, cloud.navigate(source), textures, steps=4, with_gradient=True
+            cloud, _navigate(cloud, source), textures, steps=4, with_gradient=True
         )
     assert moved.texture_gradients is not None
     assert still.texture_gradients is not None
@@ -196,15 +257,63 @@ def test_wind_moves_the_textures_and_turns_their_gradients():
             moved.texture_values[i], still.texture_values[i], atol=1e-6
         )
         expected = np.tensordot(turn.T, np.asarray(still.texture_gradients[i]), 1)
-        np.testing.assert_allclose(moved.texture_gradients[i], expected, atol=1e-8)
+        # The strain of the map is that of a sphere: off by the flattening of 0.3 %.
+        np.testing.assert_allclose(moved.texture_gradients[i], expected, atol=1e-7)
+
+
+def test_knots_follow_masks_that_bend_along_a_ray():
+    """A mask quadratic in longitude along grazing chords of hundreds of kilometres.
+
+    Between 2 knots it is off by the sagitta; between n + 1 knots by 1/n² of that.
+    """
+    cloud = fractal_cloud()
+    longitude = 71.5 + np.linspace(0, 1, 20)
+    ground = ecef(0 * longitude, longitude, 0 * longitude)
+    rays = rays_to(GEOSTATIONARY_M, ground)
+    textures = cloud.make_textures(POINT, 16)
+    middles = chords(rays, cloud.shell)
+    along = middles.length_m[:, None] * (np.arange(32) + 0.5) / 32
+    place = (
+        rays.origin_m[:, None]
+        + rays.direction[:, None] * (middles.entry_m[:, None] + along)[..., None]
+    )
+    truth = _bent(*geodetic(place)[:2])
+    errors = []
+    for knots in (2, 3, 5):
+        way = _navigate(cloud, rays, _bent, knots=knots)
+        samples = _sampled(cloud, way, textures, steps=32, with_gradient=False)
+        errors.append(np.abs(np.asarray(samples.mask) - truth).max())
+    assert errors[0] > 1e-3
+    assert errors[1] < errors[0] / 3
+    assert errors[2] < errors[1] / 3
+
+
+def _bent(latitude, longitude):
+    return 30 * (longitude - 72) ** 2
+
+
+def test_air_that_stretches_a_texture_flattens_its_slopes():
+    """A field twice as long in one direction, of which |∂x'/∂x|²/3 is left."""
+    cloud = fractal_cloud()
+    way = _navigate(cloud, geostationary_rays(3))
+    half = jnp.broadcast_to(jnp.diag(jnp.asarray([0.5, 1.0, 1.0])), (3, 2, 3, 3))
+    bent = eqx.tree_at(lambda w: w.strain, way, half, is_leaf=lambda x: x is None)
+    textures = cloud.make_textures(pixel(5e3), 16)
+    still, moved = (
+        _sampled(cloud, w, textures, steps=4, with_gradient=True) for w in (way, bent)
+    )
+    for a, b in zip(still.unresolved, moved.unresolved, strict=True):
+        np.testing.assert_allclose(b.slope, a.slope * 2.25 / 3, rtol=1e-5)
+        assert float(a.slope[0]) > 0
+        np.testing.assert_array_equal(b.common, a.common)
 
 
 def test_textures_weights_and_scales_must_match():
     with pytest.raises(ValueError, match="give one of each per texture"):
         FractalCloud(
-            cloud_function(),
-            Latent.gauss_hermite(1),
-            Shell(0.0, 1e3),
-            (Perlin(2),),
-            (1e4,),
+            function=cloud_function(),
+            latent=Latent.gauss_hermite(1),
+            shell=Shell(0.0, 1e3),
+            fractals=(Perlin(2),),
+            length_scales_m=(1e4,),
         )

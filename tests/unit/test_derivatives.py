@@ -11,9 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import StandardAtmosphere
+from cloudjax import StandardAtmosphere, navigate, radiances, sample
 from cloudjax.geodesy import ecef
-from cloudjax.scene import navigate, radiances, sample
 from tests.helpers import (
     GEOSTATIONARY_M,
     emissive_bands,
@@ -24,6 +23,7 @@ from tests.helpers import (
     make_background,
     make_scene,
     make_textures,
+    pixel,
     rays_to,
     reflective_bands,
     sun,
@@ -50,9 +50,9 @@ START = {
     "offset_k": 1.0,
 }
 NAMES = tuple(START)
-POINT = np.array(list(START.values()))
+START_VECTOR = np.array(list(START.values()))
 # Tenths of the parameters' sizes: derivatives are taken per such a unit.
-UNIT = 0.1 * np.abs(POINT)
+UNIT = 0.1 * np.abs(START_VECTOR)
 FUNCTION = NAMES[2:9]
 HARD_RAYS = 32
 
@@ -73,9 +73,9 @@ def _scene(vector, nodes=3, steps=8):
     )
 
 
-def _seen(scene, view, samples, background):
+def _seen(scene, sampled, background):
     """Mean and mean square per band, all of about the size of one."""
-    seen = radiances(scene, view, samples, background)
+    seen = radiances(scene, sampled, background)
     assert seen.reflective is not None
     assert seen.emissive is not None
     reflective, emissive = seen.reflective[0] / 100, seen.emissive[0] / 100
@@ -85,18 +85,18 @@ def _seen(scene, view, samples, background):
 
 def _problem(rays: int, steps: int, nodes: int):
     """The map from parameters in units to radiances, and where to look."""
-    scene = _scene(POINT, nodes, steps)
+    scene = _scene(START_VECTOR, nodes, steps)
     view = navigate(
         scene, geostationary_rays(rays), sun(50.0), [lambda φ, λ: (φ - 20) / 2]
     )
-    samples = eqx.filter_jit(sample)(scene, view, make_textures(scene, 3e3))
-    data = (view, samples, make_background(scene, rays))
+    sampled = eqx.filter_jit(sample)(scene, view, make_textures(scene, pixel(3e3)))
+    data = (sampled, make_background(scene, rays))
 
     def seen(x, data):
-        vector = jnp.asarray(POINT, x.dtype) + jnp.asarray(UNIT, x.dtype) * x
+        vector = jnp.asarray(START_VECTOR, x.dtype) + jnp.asarray(UNIT, x.dtype) * x
         return _seen(_scene(vector, nodes, steps), *data)
 
-    return seen, data, jnp.zeros(len(POINT))
+    return seen, data, jnp.zeros(len(START_VECTOR))
 
 
 def _differences(f, x, step):
@@ -162,8 +162,7 @@ def _compiled():
 
     def total(vector, view, textures, background):
         scene = _scene(vector)
-        samples = sample(scene, view, textures)
-        seen = radiances(scene, view, samples, background)
+        seen = radiances(scene, sample(scene, view, textures), background)
         assert seen.reflective is not None
         assert seen.emissive is not None
         return seen.reflective.sum() + seen.emissive.sum(), seen
@@ -223,11 +222,11 @@ CHANGES = {
 
 def _check(view="ordinary", zenith=30.0, mask=0.0, footprint=0.0, **changes):
     vector = jnp.asarray(list((START | changes).values()))
-    scene = _scene(POINT)
+    scene = _scene(START_VECTOR)
     way = navigate(scene, VIEWS[view](), sun(zenith), [lambda φ, λ: 0 * φ + mask])
     background = make_background(scene, HARD_RAYS)
     seen, reverse, forward = _compiled()(
-        vector, way, make_textures(scene, footprint), background
+        vector, way, make_textures(scene, pixel(footprint)), background
     )
     for leaf in jax.tree.leaves((seen, reverse, forward)):
         assert jnp.isfinite(leaf).all()

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import TwoFlux
+from cloudjax import Illumination, TwoFlux
 from cloudjax.light import slab
 from tests.helpers import numbers
 
@@ -36,13 +36,17 @@ def test_the_slab_is_smooth_where_its_series_takes_over():
             assert abs(float(high - low)) < 5e-9
 
 
+def _smooth(facing, height) -> Illumination:
+    """A surface that has one slope, by the cosine n·s."""
+    return Illumination(jnp.maximum(facing, 0), jnp.maximum(-facing, 0), height)
+
+
 def _factor(facing, height, depth=2.0, indirect=0.0, co_albedo=0.1):
     strategy = TwoFlux(jnp.asarray(indirect, float))
     found = strategy(
         numbers(depth)[None],
         jnp.asarray(co_albedo, float),
-        numbers(facing)[None],
-        numbers(height),
+        _smooth(numbers(facing)[None], numbers(height)),
     )
     return float(found[0, 0])
 
@@ -62,6 +66,17 @@ def test_the_lit_side_reflects_and_the_far_side_transmits():
     assert scattered > 0.05
     assert _factor(-0.6, 0.5) == pytest.approx(0.6 * scattered, rel=1e-5)
     assert _factor(0.0, 0.5) == 0
+
+
+def test_a_rough_surface_reflects_and_transmits_at_once():
+    reflected, transmitted = (
+        float(x[0]) for x in slab(numbers(2.0), jnp.asarray(0.1, float))
+    )
+    light = Illumination(numbers(0.4)[None], numbers(0.2)[None], numbers(0.5))
+    strategy = TwoFlux(jnp.asarray(0.0))
+    found = strategy(numbers(2.0)[None], jnp.asarray(0.1), light)
+    expected = 0.4 * reflected + 0.2 * (transmitted - np.exp(-2.0))
+    assert float(found[0, 0]) == pytest.approx(expected, rel=1e-5)
 
 
 def test_indirect_light_comes_from_overhead():
@@ -84,9 +99,8 @@ def _everything():
 
 def _one(depth, co_albedo, facing, height, indirect):
     strategy = TwoFlux(indirect)
-    return strategy(depth[None, None], co_albedo, facing[None, None], height[None])[
-        0, 0
-    ]
+    light = _smooth(facing[None, None], height[None])
+    return strategy(depth[None, None], co_albedo, light)[0, 0]
 
 
 def test_no_cloud_is_brighter_than_white_or_darker_than_black():

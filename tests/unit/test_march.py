@@ -14,7 +14,8 @@ def _occupancy(fraction, weights=(1.0,)) -> Occupancy:
     fraction = jnp.asarray(fraction, float)
     if fraction.ndim == 2:
         fraction = jnp.broadcast_to(fraction[None], (len(weights), *fraction.shape))
-    return Occupancy(fraction, numbers(*weights), None)
+    smooth = jnp.zeros(fraction.shape[1])
+    return Occupancy(fraction, numbers(*weights), None, smooth)
 
 
 @pytest.mark.parametrize("beta", [0.0, 1e-6, 1e-3, 0.05])
@@ -81,16 +82,26 @@ def test_the_nodes_are_those_of_a_standard_gaussian(count):
     nodes, weights = (np.asarray(x, float) for x in (latent.nodes, latent.weights))
     moments = [(weights * nodes**k).sum() for k in range(2 * min(count, 3))]
     np.testing.assert_allclose(moments, [1, 0, 1, 0, 3, 0][: len(moments)], atol=1e-5)
-    assert float(latent.share) == pytest.approx(0.8 if count > 1 else 0.0)
 
 
-def _surface(absorbed, gradient):
+def test_the_transmittance_starts_at_one_and_is_the_mean_of_the_structures():
+    fraction = np.stack([np.zeros((1, 2)), np.ones((1, 2))])
+    passed = march(_occupancy(fraction, (0.25, 0.75)), numbers(200.0))
+    found = passed.transmittance(jnp.asarray(0.01))
+    expected = [1, 0.25 + 0.75 * np.exp(-1), 0.25 + 0.75 * np.exp(-2)]
+    np.testing.assert_allclose(found[0], expected, rtol=1e-6)
+
+
+def _surface(absorbed, gradient, slope_variance=0.0, direction=(0.0, 0.0, -1.0)):
     absorbed = jnp.asarray(absorbed, float)[None, None]
     steps = absorbed.shape[-1]
     distance = (jnp.arange(steps, dtype=float) + 0.5)[None] * 10
     up = jnp.broadcast_to(numbers(0, 0, 1)[:, None, None], (3, 1, steps))
     along = jnp.asarray(gradient, float).T[:, None]
-    return first_surface(absorbed, distance, along, up)
+    variance = numbers(slope_variance)
+    return first_surface(
+        absorbed, distance, along, variance, up, numbers(*direction)[None]
+    )
 
 
 def test_the_first_surface_is_where_all_light_stops():
@@ -112,7 +123,97 @@ def test_where_the_cloud_function_is_flat_the_vertical_decides():
     np.testing.assert_allclose(surface.normal[:, 0, 0], [0, 0, 1], atol=1e-5)
 
 
-def test_clear_air_has_finite_surfaces():
-    surface = _surface(np.zeros(4), np.zeros((4, 3)))
+@pytest.mark.parametrize("variance", [0.0, 1e-8])
+def test_clear_air_has_finite_surfaces(variance):
+    surface = _surface(np.zeros(4), np.zeros((4, 3)), variance)
     assert jnp.isfinite(surface.distance_m).all()
     assert jnp.isfinite(surface.normal).all()
+    for light in surface.illumination(numbers(0, 0, 1)):
+        assert jnp.isfinite(light).all()
+
+
+@pytest.mark.parametrize("zenith", [0.0, 50.0, 89.0, 91.0, 170.0])
+def test_a_smooth_surface_is_lit_by_the_cosine(zenith):
+    """Straight from above, on a slope of 3:4; the floor of the spread is 1e-4."""
+    θ = np.radians(zenith)
+    sun = np.array([np.sin(θ), 0, np.cos(θ)])
+    surface = _surface([1.0], [[-3e-4, 0, -4e-4]])
+    lit, shaded = surface.illumination(numbers(*sun))
+    cosine = 0.6 * sun[0] + 0.8 * sun[2]
+    assert float(lit[0, 0]) == pytest.approx(max(cosine, 0), abs=1e-4)
+    assert float(shaded[0, 0]) == pytest.approx(max(-cosine, 0), abs=1e-4)
+
+
+# Rough surfaces ----------------------------------------------------------------------
+
+TILTS = {"level": (0.0, 0, 1.0), "aslant": (0.6, 0, 0.8), "wall": (0.96, 0, 0.28)}
+# Deviation of each component of the slope over the mean slope.
+ROUGHNESS = [0.1, 0.5, 1.0, 3.0]
+VIEWS = ((0.0, 0.0, -1.0), (0.8, 0.0, -0.6))
+# Without those that turn away from the viewer by more than a deviation: a ray does not
+# meet the back side of a cloud first.
+ROUGH = [
+    pytest.param(tilt, roughness, view, id=f"{name}-{roughness}-{view}")
+    for name, tilt in TILTS.items()
+    for roughness in ROUGHNESS
+    for view in VIEWS
+    if np.dot(tilt, view) < roughness
+]
+
+
+def _drawn(mean, roughness, direction, count=200_000):
+    """Outward slopes that a ray along `direction` meets, and how often it meets each.
+
+    The ray enters cloud where CF rises along it, the more often the steeper it rises.
+    """
+    draws = np.random.default_rng(0).normal(size=(count, 3))
+    slopes = np.asarray(mean) + roughness * draws
+    return slopes, np.maximum(-(slopes @ np.asarray(direction)), 0)
+
+
+@pytest.mark.parametrize(("tilt", "roughness", "direction"), ROUGH)
+def test_the_mean_slope_is_that_of_what_a_ray_meets(tilt, roughness, direction):
+    """Exact for a normal distribution: against 2e5 draws, weighted by their rise."""
+    slopes, weights = _drawn(tilt, roughness, direction)
+    surface = _surface(
+        [1.0], [-1e-4 * np.asarray(tilt)], (1e-4 * roughness) ** 2, direction
+    )
+    expected = np.average(slopes, axis=0, weights=weights)
+    found = np.asarray(surface.slope[:, 0, 0]) / 1e-4
+    np.testing.assert_allclose(found, expected, atol=0.02 * max(1, roughness))
+
+
+@pytest.mark.parametrize(("tilt", "roughness", "direction"), ROUGH)
+def test_a_rough_surface_is_lit_as_the_mean_of_its_parts(tilt, roughness, direction):
+    """Against 2e5 draws for suns of all heights.
+
+    The closed form takes the root mean square of the slope for the length of each, and
+    leaves the rise as spread as it was without the ray: an approximation. Measured, the
+    largest error of a cosine is 0.005 at a roughness of a tenth and 0.063 above, the
+    root mean square over all suns 0.036.
+    """
+    slopes, weights = _drawn(tilt, roughness, direction)
+    surface = _surface(
+        [1.0], [-1e-4 * np.asarray(tilt)], (1e-4 * roughness) ** 2, direction
+    )
+    normals = slopes / np.linalg.norm(slopes, axis=-1, keepdims=True)
+    errors = []
+    for zenith in np.radians([0, 40, 80, 120]):
+        for azimuth in np.radians([0, 90, 180]):
+            sun = np.array(
+                [
+                    np.sin(zenith) * np.cos(azimuth),
+                    np.sin(zenith) * np.sin(azimuth),
+                    np.cos(zenith),
+                ]
+            )
+            cosine = normals @ sun
+            for found, part in zip(
+                surface.illumination(numbers(*sun)),
+                (np.maximum(cosine, 0), np.maximum(-cosine, 0)),
+                strict=True,
+            ):
+                expected = np.average(part, weights=weights)
+                errors.append(float(found[0, 0]) - expected)
+    assert np.abs(errors).max() < (0.02 if roughness < 0.2 else 0.07)
+    assert np.sqrt(np.mean(np.square(errors))) < 0.04

@@ -9,7 +9,7 @@ import pytest
 
 from cloudjax import FixedGrid, Rays, Shell
 from cloudjax.geodesy import ecef, geodetic, up
-from cloudjax.path import Path, navigate, upwind
+from cloudjax.path import Path, along_chord, drift_m, navigate, points_along, strain
 from cloudjax.shell import chords
 from tests.helpers import ground_points, rays_to
 
@@ -119,17 +119,51 @@ def test_the_path_takes_the_precision_of_the_running_jax():
     assert isinstance(path, Path)
 
 
+def test_points_along_a_chord_run_from_its_entry_to_its_exit():
+    rays = _disc()[1830:1832]
+    chord = chords(rays, SHELL)
+    points = points_along(rays, chord, 3)
+    assert len(points) == 3
+    for fraction, point in zip((0, 0.5, 1), points, strict=True):
+        expected = rays.at(chord.entry_m + fraction * chord.length_m)
+        np.testing.assert_allclose(point, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("knots", [2, 3, 5])
+def test_between_knots_values_are_linear(knots):
+    """Straight through all knots of a line, and on the broken line through others."""
+    at = np.linspace(0, 1, knots)
+    middles = (np.arange(7) + 0.5) / 7
+    values = np.stack([at, at**2], axis=1)
+    found = along_chord(jnp.asarray(values[..., None], float), 7)
+    np.testing.assert_allclose(found[0], middles, atol=1e-6)
+    np.testing.assert_allclose(found[1], np.interp(middles, at, at**2), atol=1e-6)
+
+
 class _Turned:
     """Solid air that came from 30 degrees further west."""
 
-    def upwind(self, position):
+    def displacement_of(self, points):
         c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
-        return position @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        return points @ jnp.array([[c - 1, -s, 0], [s, c - 1, 0], [0, 0, 0]])
 
 
-def test_upwind_positions_keep_their_altitude():
+@pytest.mark.parametrize(("x64", "metres"), [(True, 1e-6), (False, 2.0)])
+def test_air_drifts_at_its_altitude(x64, metres):
+    """3000 km and more: float32 loses a part in ten million."""
     latitude, longitude = np.array([10.0, -60, 90]), np.array([5.0, -170, 0])
     altitude = np.array([1e3, 8e3, 3e3])
-    source = upwind(ecef(latitude, longitude, altitude), _Turned())
-    expected = ecef(latitude, longitude - 30, altitude)
-    np.testing.assert_allclose(source, expected, atol=1e-6)
+    here = ecef(latitude, longitude, altitude)
+    with jax.enable_x64(x64):
+        vertical = jnp.asarray(up(latitude, longitude), float)
+        found = drift_m(vertical, jnp.asarray(altitude, float), _Turned())
+    expected = ecef(latitude, longitude - 30, altitude) - here
+    np.testing.assert_allclose(found, expected, atol=metres)
+
+
+def test_solid_air_is_turned_and_not_strained():
+    """∂x'/∂x is the rotation itself; on the ellipsoid off by twice the flattening."""
+    turn = np.eye(3) + np.asarray(_Turned().displacement_of(jnp.eye(3))).T
+    vertical = up(np.array([0.0, 50.0, -80.0]), np.array([0.0, 100.0, -20.0]))
+    found = strain(jnp.asarray(vertical, float), _Turned())
+    np.testing.assert_allclose(found, np.broadcast_to(turn, (3, 3, 3)), atol=4e-3)

@@ -1,0 +1,150 @@
+"""Whole images: the same whatever the tiles, and finite everywhere."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cloudjax import Rays, Weather, navigate, render, sample, sample_rays
+from cloudjax.footprint import kind_of, kinds
+from cloudjax.scene import BandRadiances
+from tests.helpers import (
+    GEOSTATIONARY_M,
+    emissive_bands,
+    fractal_cloud,
+    geostationary_rays,
+    layer,
+    limb_rays,
+    make_scene,
+    rays_to,
+    reflective_bands,
+    sun,
+)
+
+
+N = 16
+SCENE = make_scene(
+    [layer(fractal_cloud(nodes=3), steps=8)], reflective_bands(1), emissive_bands(13)
+)
+SUN = sun(40.0)
+WEATHER = Weather(masks=[lambda latitude, longitude: (latitude - 20) / 4])
+
+
+def _behind(index) -> BandRadiances:
+    """A background that tells every ray from the others."""
+    ramp = jnp.asarray(np.asarray(index)[None] / 100, float)
+    return BandRadiances(20 + ramp, 100 + ramp)
+
+
+def _wide(count: int = 700) -> Rays:
+    """Rays all over the disc and beside it, of many kinds."""
+    rng = np.random.default_rng(4)
+    across = rng.uniform(-0.16, 0.16, (2, count)) * 3.6e7
+    target = np.stack([0 * across[0] + 6.2e6, *across], axis=-1)
+    return rays_to(GEOSTATIONARY_M, target)
+
+
+def _render(sight, **options):
+    return render(SCENE, sight, SUN, _behind, WEATHER, resolution=N, **options)
+
+
+def _leaves(image):
+    return jax.tree.leaves((image.radiances, image.clouds))
+
+
+@pytest.fixture(scope="module")
+def image():
+    return _render(_wide(), with_products=True)
+
+
+def test_every_ray_is_rendered_and_finite(image):
+    rays = _wide()
+    assert image.radiances.reflective.shape == (1, len(rays))
+    missing = ~rays.ground()[1]
+    assert 50 < missing.sum() < 600
+    for field in (*jax.tree.leaves(image.radiances), image.clouds.fraction):
+        assert np.isfinite(field).all()
+    assert np.isnan(image.clouds.top_height_m).any()
+    assert np.all(np.isfinite(image.clouds.top_height_m[image.clouds.fraction > 0.5]))
+
+
+def test_rays_that_miss_all_air_see_the_background(image):
+    target = _wide()
+    clear = image.clouds.optical_depth == 0
+    off = np.linalg.norm(np.cross(GEOSTATIONARY_M, target.direction), axis=-1) > 6.5e6
+    assert off.sum() > 50
+    assert clear[off].all()
+    behind = np.asarray(_behind(np.arange(len(target))).emissive)[0]
+    np.testing.assert_allclose(image.radiances.emissive[0, off], behind[off], rtol=1e-6)
+
+
+@pytest.mark.parametrize("tile", [300, 97])
+def test_the_image_does_not_depend_on_the_tile(image, tile):
+    """Bit for bit where the compiled sizes agree; to rounding where XLA differs."""
+    other = _render(_wide(), with_products=True, tile=tile)
+    for a, b in zip(_leaves(image), _leaves(other), strict=True):
+        np.testing.assert_allclose(a, b, rtol=2e-5, atol=2e-5)
+
+
+def test_a_function_of_the_pixels_gives_the_same_image(image):
+    rays = _wide()
+    other = _render(lambda index: rays[index], rays=len(rays), with_products=True)
+    for a, b in zip(_leaves(image), _leaves(other), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_function_without_a_number_is_refused():
+    with pytest.raises(ValueError, match="Give the number of rays"):
+        _render(lambda index: _wide()[index])
+
+
+def test_without_products_there_are_none():
+    assert _render(geostationary_rays(5)).clouds is None
+
+
+def test_samples_are_in_the_order_of_the_rays():
+    """Each ray's own kind sampled by hand, for one ray of every kind."""
+    rays = geostationary_rays(200, 40.0)
+    found = sample_rays(SCENE, rays, SUN, WEATHER, resolution=N, tile=64)
+    rows = kinds(rays, SCENE.layers[0].cloud.shell)
+    _, first = np.unique(rows[:, :6], axis=0, return_index=True)
+    assert len(first) > 5
+    by_hand = eqx.filter_jit(sample)
+    for i in first[:6]:
+        kind = kind_of(rows[i])
+        textures = (SCENE.layers[0].cloud.make_textures(kind.footprint, N),)
+        view = navigate(SCENE, rays[[i]], SUN, WEATHER.masks)
+        alone = by_hand(SCENE, view, textures)
+        for a, b in zip(
+            jax.tree.leaves(alone.clouds), jax.tree.leaves(found.clouds), strict=True
+        ):
+            b = b[:, i : i + 1] if b.ndim == 3 else b[i : i + 1]
+            np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-4 * np.abs(a).max())
+
+
+def test_a_ray_that_grazes_gets_cloud_from_the_far_side():
+    """A mask that leaves cloud only behind the closest approach, at 90 E."""
+    rays = limb_rays(*np.linspace(100.0, 400.0, 5))
+    assert np.all(kinds(rays, SCENE.layers[0].cloud.shell)[:, 7] == 1)
+
+    def depth(mask):
+        seen = render(
+            SCENE,
+            rays,
+            SUN,
+            _behind,
+            Weather(masks=[mask]),
+            resolution=N,
+            with_products=True,
+        )
+        assert seen.clouds is not None
+        return seen.clouds.optical_depth
+
+    near, far, both = (
+        depth(lambda latitude, longitude, end=end: np.where(end(longitude), 40.0, -40))
+        for end in (lambda x: x < 90, lambda x: x > 90, lambda x: x < 360)
+    )
+    assert far.min() > 0.05
+    assert near.min() > 0.05
+    np.testing.assert_allclose(near + far, both, rtol=1e-3)
