@@ -15,7 +15,14 @@ from cloudjax_data import sun_direction
 
 from .analysis import Analysis
 from .histogram import Distances, distances
-from .model import background, build_scene, scene_parameters, weather_of
+from .model import (
+    DEFAULT_LIGHT,
+    background,
+    build_scene,
+    light_of,
+    scene_parameters,
+    weather_of,
+)
 from .objective import pose, stacked
 from .parameters import Parameter, put_all, unbounded_of, values_of, with_overrides
 from .solve import OnStep, Solution, Solver
@@ -35,6 +42,7 @@ class FitSettings:
     - `starts`: the defaults, and this many less one drawn from the priors.
     - `max_steps`: of the solver from each start.
     - `seed`: of textures, rays, starts and bootstrap.
+    - `light`: the strategy for sunlight, one of `model.LIGHTS`.
     """
 
     rays: int = 8192
@@ -43,6 +51,7 @@ class FitSettings:
     starts: int = 1
     max_steps: int = 150
     seed: int = 0
+    light: str = DEFAULT_LIGHT
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +63,13 @@ class SimulatedImage:
     - `bands`: their numbers, in the order of `radiance`.
     - `radiance`: NaN off the Earth.
     - `cloud`: the softly selected share of each pixel, 0 off the Earth.
+    - `optical_depth`: vertical, physical, at 0.64 µm; 0 off the Earth.
     """
 
     bands: tuple[int, ...]
     radiance: Float[np.ndarray, "bands y x"]
     cloud: Float[np.ndarray, "y x"]
+    optical_depth: Float[np.ndarray, "y x"]
 
     def band(self, number: int) -> Float[np.ndarray, "y x"]:
         return self.radiance[self.bands.index(number)]
@@ -117,7 +128,13 @@ def fit(
     """
     settings = settings or FitSettings()
     clock = _Clock()
-    scene = build_scene(target, analysis, seed=settings.seed, steps=settings.steps)
+    scene = build_scene(
+        target,
+        analysis,
+        seed=settings.seed,
+        steps=settings.steps,
+        light=settings.light,
+    )
     parameters = with_overrides(scene_parameters(scene, target), overrides or {})
     scene = put_all(scene, parameters, jnp.asarray([p.default for p in parameters]))
     free = [p for p in parameters if p.free]
@@ -180,14 +197,17 @@ def simulate_image(
     every = target.grid.rays()
     _, hit = every.ground(target.grid.ellipsoid)
     rays = every[hit]
-    seen = render(
+    image = render(
         scene,
         rays,
         sun_direction(target.time),
         lambda index: background(target, rays[index]),
         weather_of(scene, target, analysis),
         resolution=resolution,
-    ).radiances
+        with_products=True,
+    )
+    seen, clouds = image.radiances, image.clouds
+    assert clouds is not None
     weights = eqx.filter_jit(target.rule.weights)(
         seen, scene.reflective, scene.emissive
     )
@@ -196,10 +216,15 @@ def simulate_image(
     radiance[:, hit] = values
     cloud = np.zeros(hit.size, values.dtype)
     cloud[hit] = np.asarray(weights)
+    depth = np.zeros(hit.size, values.dtype)
+    depth[hit] = np.asarray(clouds.optical_depth) / light_of(scene).share
     bands = [b.number for b in [*target.reflective, *target.emissive]]
     shape = target.grid.shape
     return SimulatedImage(
-        tuple(bands), radiance.reshape(-1, *shape), cloud.reshape(shape)
+        tuple(bands),
+        radiance.reshape(-1, *shape),
+        cloud.reshape(shape),
+        depth.reshape(shape),
     )
 
 

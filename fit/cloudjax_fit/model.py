@@ -4,7 +4,8 @@ Only what the target shows is built: no cirrus without a window band, no air and
 sunlight in bands that are not asked.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from cloudjax import (
     ICE,
     WATER,
+    AbstractReflection,
     BandRadiances,
     CloudFunction,
     EmissiveBands,
@@ -23,10 +25,12 @@ from cloudjax import (
     MaskGrid,
     Particles,
     Perlin,
+    PlaneParallel,
     Rays,
     ReflectiveBands,
     Scene,
     Shell,
+    Slabs,
     StandardAtmosphere,
     TwoFlux,
     Weather,
@@ -49,16 +53,44 @@ LENGTH_SCALES_M = {
 # the standard tropopause: with the 6.5 to 10 km of the paper's cirrus, the fitted scene
 # had neither its mid-level cloud nor its coldest tops (docs/decisions.md).
 SHELLS = {"low_stratus": Shell(500.0, 4000.0), "cirrus": Shell(4000.0, 11000.0)}
-# Where each class starts: base, top and scale of the barriers, extinction.
+# Where each class starts: base, top and scale of the barriers, physical extinction.
 START = {
-    "low_stratus": (600.0, 1800.0, 250.0, 3e-3),
-    "cirrus": (5000.0, 9000.0, 500.0, 4e-4),
+    "low_stratus": (600.0, 1800.0, 250.0, 0.04),
+    "cirrus": (5000.0, 9000.0, 500.0, 0.0053),
 }
 PARTICLES = {"low_stratus": WATER, "cirrus": ICE}
-# The paper's extinction is (1 - g)/2 of the physical one, for g = 0.85 (docs/paper.md);
-# absorption in the infrared is not reduced.
-BACKSCATTER_SHARE = (1 - 0.85) / 2
 REFERENCE_BAND = 13
+
+
+@dataclass(frozen=True)
+class Light:
+    """A strategy for sunlight, and what extinction means to it.
+
+    **Fields:**
+
+    - `reflection`: makes the strategy.
+    - `share`: of the physical extinction that it calls extinction; absorption in the
+      infrared is the physical one.
+    """
+
+    reflection: Callable[[], AbstractReflection]
+    share: float
+
+
+LIGHTS = {
+    # All extinction sends light back, which is (1 - g)/2 of it for g = 0.85
+    # (docs/paper.md).
+    "paper": Light(lambda: TwoFlux(indirect=jnp.asarray(0.3)), (1 - 0.85) / 2),
+    "physical": Light(lambda: Slabs(PlaneParallel.load()), 1.0),
+}
+
+
+DEFAULT_LIGHT = "physical"
+
+
+def light_of(scene: Scene) -> Light:
+    """The strategy that a scene has been built for."""
+    return LIGHTS["paper" if isinstance(scene.reflection, TwoFlux) else "physical"]
 
 
 def build_scene(
@@ -67,20 +99,21 @@ def build_scene(
     *,
     seed: int = 0,
     steps: int = 24,
+    light: str = DEFAULT_LIGHT,
 ) -> Scene:
     """The scene that a target calls for, at the parameters' defaults.
 
     Temperatures are those of the analysis where there is one.
     """
     layers = tuple(
-        _layer(name, target, seed + 100 * i, steps)
+        _layer(name, target, seed + 100 * i, steps, LIGHTS[light].share)
         for i, name in enumerate(target.fractions)
     )
     return Scene(
         layers=layers,
         reflective=_reflective_bands(target.reflective),
         emissive=_emissive_bands(target.emissive),
-        reflection=TwoFlux(indirect=jnp.asarray(0.3)),
+        reflection=LIGHTS[light].reflection(),
         temperature=(
             StandardAtmosphere(jnp.asarray(0.0))
             if analysis is None
@@ -89,9 +122,10 @@ def build_scene(
     )
 
 
-def _layer(name: str, target: Target, seed: int, steps: int) -> Layer:
+def _layer(name: str, target: Target, seed: int, steps: int, share: float) -> Layer:
     base, top, scale, extinction = START[name]
     particles: Particles = PARTICLES[name]
+    sunlit = [b.number for b in target.reflective]
     function = CloudFunction(
         weights=jnp.asarray([1.0, 0.5, 0.5]),
         mask_gain=jnp.asarray(1.0),
@@ -111,11 +145,11 @@ def _layer(name: str, target: Target, seed: int, steps: int) -> Layer:
             length_scales_m=LENGTH_SCALES_M[name],
             seed=seed,
         ),
-        extinction_per_m=jnp.asarray(extinction),
-        infrared_ratio=jnp.asarray(particles.infrared_ratio / BACKSCATTER_SHARE),
-        co_albedo=jnp.asarray(
-            particles.co_albedo_in([b.number for b in target.reflective]), float
-        ),
+        extinction_per_m=jnp.asarray(share * extinction),
+        infrared_ratio=jnp.asarray(particles.infrared_ratio / share),
+        co_albedo=particles.co_albedo_in(sunlit),
+        asymmetry=particles.asymmetry_in(sunlit),
+        relative_extinction=particles.relative_extinction_in(sunlit),
         relative_absorption=jnp.asarray(
             particles.relative_absorption_in([b.number for b in target.emissive]), float
         ),
@@ -179,11 +213,17 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
     for i, layer in enumerate(scene.layers):
         parameters += _layer_parameters(i, layer, target)
     if scene.reflective is not None:
-        parameters.append(
-            Parameter(
-                "light.indirect", lambda s: s.reflection.indirect, 0.3, 0.0, 1.0, 0.2
+        if isinstance(scene.reflection, TwoFlux):
+            parameters.append(
+                Parameter(
+                    "light.indirect",
+                    lambda s: s.reflection.indirect,
+                    0.3,
+                    0.0,
+                    1.0,
+                    0.2,
+                )
             )
-        )
         for i, band in enumerate(target.reflective):
             path = float(scene.reflective.path[i])
             parameters += _reflective_air(i, band, path)
@@ -201,7 +241,8 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
 
 
 def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
-    _, top, scale, extinction = START[layer.name]
+    _, top, scale, _ = START[layer.name]
+    extinction = float(layer.extinction_per_m)
     shell = SHELLS[layer.name]
     low, high = shell.bottom_m + 300, shell.top_m + 500
 

@@ -8,12 +8,14 @@ from dataclasses import asdict
 from datetime import UTC
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from .fitting import FitResult, versions
 from .histogram import Distances
 from .image_file import band_title, image_dataset, shown
+from .model import LIGHTS, PARTICLES
 from .netcdf import write_netcdf
 from .parameter_file import parameters_text
 from .parameters import Parameter
@@ -57,7 +59,7 @@ def write_fit(
     image = image_dataset(result.image, target, values, result.settings.seed)
     numbers = json.dumps(fit_numbers(result), indent=2, allow_nan=False)
     with staged(folder, last=NUMBERS) as aside:
-        text = parameters_text(values, title)
+        text = parameters_text(values, title, result.settings.light)
         (aside / PARAMETERS).write_text(text, encoding="utf-8")
         write_netcdf(aside / IMAGE, image)
         write_fit_report(aside / REPORT, fit_report(result, observed_images))
@@ -82,6 +84,8 @@ def fit_numbers(result: FitResult) -> dict[str, Any]:
             "settings": asdict(result.settings),
             "seeds": {"seed": result.settings.seed},
             "cloud_fraction": cloud_fractions(result),
+            "cloud_optical_depth": optical_depths(result),
+            "cloud_water": cloud_water(result),
             "bands": {str(n): _band_numbers(result, n) for n in result.target.bands},
             "parameters": {
                 e.parameter.name: _estimate_numbers(e) for e in result.estimates
@@ -102,6 +106,30 @@ def cloud_fractions(result: FitResult) -> dict[str, float]:
         "start": float(result.start.cloud[seen].mean()),
         "simulated": float(result.image.cloud[seen].mean()),
     }
+
+
+def optical_depths(result: FitResult) -> dict[str, float]:
+    """Quartiles of the vertical optical depth at 0.64 µm of the cloudy pixels."""
+    depth = result.image.optical_depth
+    cloudy = depth[result.image.cloud > 0.5]
+    quartiles = np.quantile(cloudy, (0.25, 0.5, 0.75)) if cloudy.size else [np.nan] * 3
+    return dict(zip(("lower", "median", "upper"), map(float, quartiles), strict=True))
+
+
+def cloud_water(result: FitResult) -> dict[str, dict[str, float]]:
+    """What the extinction of each class is in water, with its particles' size."""
+    found = {}
+    for layer in result.scene.layers:
+        particles = PARTICLES[layer.name]
+        physical = float(layer.extinction_per_m) / LIGHTS[result.settings.light].share
+        found[layer.name] = {
+            "effective_radius_um": float(particles.effective_radius_um),
+            "physical_extinction_per_m": physical,
+            "water_content_g_m3": float(
+                particles.water_content_g_m3(jnp.asarray(physical))
+            ),
+        }
+    return found
 
 
 def fit_report(result: FitResult, observed_images: Images | None = None) -> FitReport:
@@ -190,6 +218,14 @@ def _facts(result: FitResult) -> dict[str, str]:
         "cloud fraction": f"{clouds['observed']:.1%} observed, "
         f"{clouds['simulated']:.1%} simulated ({clouds['start']:.1%} at the start)",
         "layers": ", ".join(target.fractions),
+        "light": result.settings.light,
+        "optical depth": "{median:.3g} ({lower:.3g} to {upper:.3g}), vertical, of "
+        "cloud pixels at 0.64 µm".format(**optical_depths(result)),
+        "condensate": "; ".join(
+            f"{name} {w['water_content_g_m3']:.3g} g/m³ of "
+            f"{w['effective_radius_um']:g} µm"
+            for name, w in cloud_water(result).items()
+        ),
         "fitted with": f"{result.settings.rays} rays of {result.settings.steps} steps, "
         f"textures of {result.settings.resolution}³",
     } | ({"held": held} if held else {})

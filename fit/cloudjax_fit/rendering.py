@@ -1,6 +1,7 @@
 """The image of a scene at given parameters."""
 
 import os
+from dataclasses import replace
 
 import jax.numpy as jnp
 
@@ -20,23 +21,28 @@ def render_run(
 
     **Arguments:**
 
-    - `parameter_file`: values to use; those that it lacks are the settings' defaults.
+    - `parameter_file`: values to use, and the strategy for light that they are for;
+      those that it lacks are the settings' defaults.
 
     **Returns:** the image and all parameters that it was made with.
 
     **Raises:** `DataError` if the file cannot be read, or names a parameter that no
     scene has, or gives one a value beyond its bounds.
     """
-    scene, parameters = scene_of(run.settings, run.target, run.analysis)
+    settings, given = run.settings, {}
+    if parameter_file is not None:
+        given, light = read_parameters(parameter_file)
+        if light is not None:
+            settings = replace(settings, fit=replace(settings.fit, light=light))
+    scene, parameters = scene_of(settings, run.target, run.analysis)
     values = {p.name: p.default for p in parameters}
     if parameter_file is not None:
-        given = read_parameters(parameter_file)
-        values |= concerning(given, run.target, str(parameter_file))
+        values |= concerning(given, run.target, str(parameter_file), settings.fit.light)
         _require_within_bounds(values, parameters, str(parameter_file))
     scene = put_all(
         scene, parameters, jnp.asarray([values[p.name] for p in parameters])
     )
-    image = simulate_image(scene, run.target, run.analysis, run.settings.fit.resolution)
+    image = simulate_image(scene, run.target, run.analysis, settings.fit.resolution)
     return image, values
 
 

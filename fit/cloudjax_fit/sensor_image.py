@@ -23,6 +23,7 @@ from cloudjax_data import (
 from .figures import BRIGHTNESS_TEMPERATURE, REFLECTANCE, Display
 from .fitting import versions
 from .image_file import data_grid, radiance_array
+from .model import LIGHTS
 from .netcdf import write_netcdf
 from .sensor_band import SensorBand
 from .sensor_file import Sensor
@@ -107,6 +108,7 @@ def render_sensor(
         radiance[number], shown[number] = on_grid(values), on_grid(looks)
     ground, hit = view.rays().ground()
     clouds = image.clouds
+    share = LIGHTS[world.light].share
     cloudy = np.asarray(clouds.fraction) > LEAST_FRACTION
     return SensorImage(
         sensor=sensor,
@@ -116,7 +118,7 @@ def render_sensor(
         latitude_deg=np.where(hit, ground.latitude_deg, np.nan).reshape(view.shape),
         longitude_deg=np.where(hit, ground.longitude_deg, np.nan).reshape(view.shape),
         cloud_fraction=on_grid(np.asarray(clouds.fraction)),
-        cloud_optical_depth=on_grid(np.asarray(clouds.optical_depth)),
+        cloud_optical_depth=on_grid(np.asarray(clouds.optical_depth) / share),
         cloud_top_height_m=on_grid(np.where(cloudy, clouds.top_height_m, np.nan)),
         cloud_class=on_grid(_classes(clouds, cloudy), 0),
         class_names=tuple(world.classes),
@@ -176,6 +178,7 @@ def sensor_dataset(image: SensorImage, world: World) -> xr.Dataset:
             "weather": ", ".join(cube.path.name for cube in world.series.cubes),
             "seed": world.seed,
             "steps": world.steps,
+            "light": world.light,
         },
     )
 

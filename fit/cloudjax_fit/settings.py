@@ -27,7 +27,7 @@ from cloudjax_data import DataError
 
 from .analysis import Analysis
 from .fitting import FitSettings
-from .model import build_scene, scene_parameters
+from .model import DEFAULT_LIGHT, LIGHTS, build_scene, scene_parameters
 from .parameters import Parameter, with_overrides
 from .selection import BRIGHT, COLD_K, CloudRule, default_rule
 from .target import BandTarget, Target
@@ -35,7 +35,8 @@ from .target import BandTarget, Target
 
 _FIT_KEYS = tuple(f.name for f in dataclasses.fields(FitSettings))
 # The finest texture has 64 cells per period, of two voxels each at least.
-_LEAST = dict.fromkeys(_FIT_KEYS, 1) | {"resolution": 128, "seed": 0}
+_NUMBERS = [key for key in _FIT_KEYS if key != "light"]
+_LEAST = dict.fromkeys(_NUMBERS, 1) | {"resolution": 128, "seed": 0}
 _RULE_KEYS = tuple(f.name for f in dataclasses.fields(CloudRule))
 # The halves of a rule: its band, its threshold, and the usual thresholds by band.
 _HALVES = (
@@ -91,7 +92,7 @@ def read_settings(content: Mapping[str, Any], source: str) -> Settings:
     )
 
 
-def with_options(settings: Settings, options: Mapping[str, int | None]) -> Settings:
+def with_options(settings: Settings, options: Mapping[str, Any]) -> Settings:
     """Settings with those of the fit replaced that the command line gives.
 
     **Raises:** `DataError` for a number that is too small.
@@ -156,8 +157,13 @@ def scene_of(
     **Raises:** `DataError` for a parameter that no scene has, or for changes that
     contradict each other.
     """
-    seed, steps = settings.fit.seed, settings.fit.steps
-    scene = build_scene(target, analysis, seed=seed, steps=steps)
+    scene = build_scene(
+        target,
+        analysis,
+        seed=settings.fit.seed,
+        steps=settings.fit.steps,
+        light=settings.fit.light,
+    )
     try:
         return scene, with_overrides(
             scene_parameters(scene, target), overrides_for(settings, target)
@@ -171,23 +177,28 @@ def overrides_for(settings: Settings, target: Target) -> dict[str, Mapping[str, 
 
     **Raises:** `DataError` for a parameter that no scene has.
     """
-    return concerning(settings.parameters, target, settings.source)
+    return concerning(settings.parameters, target, settings.source, settings.fit.light)
 
 
-def concerning(changes: Mapping[str, Any], target: Target, source: str) -> dict:
+def concerning(
+    changes: Mapping[str, Any], target: Target, source: str, light: str
+) -> dict:
     """What is said of parameters that the scene of a target has.
 
     A name that only other bands would bring in is left out; one that no scene has is an
     error.
     """
-    _require_known(changes, parameter_names(_widest(target)), "parameter", source)
-    here = parameter_names(target)
+    widest = _widest(target)
+    known = [name for each in LIGHTS for name in parameter_names(widest, each)]
+    _require_known(changes, known, "parameter", source)
+    here = parameter_names(target, light)
     return {name: change for name, change in changes.items() if name in here}
 
 
-def parameter_names(target: Target) -> list[str]:
+def parameter_names(target: Target, light: str = DEFAULT_LIGHT) -> list[str]:
     """The parameters that the scene of a target has."""
-    return [p.name for p in scene_parameters(build_scene(target), target)]
+    scene = build_scene(target, light=light)
+    return [p.name for p in scene_parameters(scene, target)]
 
 
 def _widest(target: Target) -> Target:
@@ -234,7 +245,12 @@ def _bands(value: Any, source: str) -> tuple[int, ...]:
 
 def _check_fit(values: Mapping[str, Any], source: str) -> None:
     for key, value in values.items():
-        if not _is_whole(value) or value < _LEAST[key]:
+        if key == "light":
+            if value not in LIGHTS:
+                raise DataError(
+                    f"{source} gives light = {value!r}: make it {' or '.join(LIGHTS)}."
+                )
+        elif not _is_whole(value) or value < _LEAST[key]:
             raise DataError(
                 f"{source} gives {key} = {value!r}: make it a whole number of at least "
                 f"{_LEAST[key]}."

@@ -16,8 +16,6 @@ import numpy as np
 from jaxtyping import Float
 
 from cloudjax import (
-    ICE,
-    WATER,
     BandRadiances,
     CloudClass,
     Conditions,
@@ -30,14 +28,15 @@ from cloudjax import (
     ReflectiveBands,
     Scene,
     StandardAtmosphere,
-    TwoFlux,
     Weather,
     Wind,
     cloud_classes,
     cloud_fraction,
     displacement_map,
+    ice,
     load_classes,
     propagate,
+    water,
 )
 from cloudjax.geodesy import up
 from cloudjax_data import (
@@ -48,6 +47,7 @@ from cloudjax_data import (
     sun_direction,
 )
 
+from .model import DEFAULT_LIGHT, LIGHTS
 from .sensor_band import SensorBand
 from .surface import Surface
 
@@ -56,7 +56,7 @@ EARTH_RADIUS_M = 6371e3
 MAP_STEP_DEG = 1.0
 # Levels of the temperature field, linear in between.
 _LEVELS_M = np.arange(0.0, 16e3, 500.0)
-_PARTICLES = {"water": WATER, "ice": ICE}
+_PARTICLES = {"water": water, "ice": ice}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,7 @@ class World:
     - `seed`: of all textures.
     - `steps`: through each shell.
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
+    - `light`: the strategy for sunlight, one of `model.LIGHTS`.
 
     **Raises:** `DataError` for regional weather: air comes from outside of it.
     """
@@ -79,6 +80,7 @@ class World:
     seed: int = 0
     steps: int = 24
     omega_sign: float = -1.0
+    light: str = DEFAULT_LIGHT
 
     def __post_init__(self):
         cube = self.series.cubes[0]
@@ -87,20 +89,31 @@ class World:
                 f"{cube.path} covers a region only: get the global analysis, for the "
                 "wind brings clouds from outside."
             )
+        if self.light not in LIGHTS:
+            raise DataError(
+                f"There is no light {self.light!r}: make it {' or '.join(LIGHTS)}."
+            )
 
     def scene(self, bands: Sequence[SensorBand], distance_au: float = 1.0) -> Scene:
         """All classes, for the bands of a sensor."""
         reflective = [band for band in bands if band.reflective]
         emissive = [band for band in bands if not band.reflective]
         layers = tuple(
-            _layer(one, self.seed + 100 * i, self.steps, reflective, emissive)
+            _layer(
+                one,
+                self.seed + 100 * i,
+                self.steps,
+                LIGHTS[self.light].share,
+                reflective,
+                emissive,
+            )
             for i, one in enumerate(self.classes.values())
         )
         return Scene(
             layers=layers,
             reflective=_reflective(reflective, distance_au),
             emissive=_emissive(emissive),
-            reflection=TwoFlux(indirect=jnp.asarray(0.3)),
+            reflection=LIGHTS[self.light].reflection(),
             temperature=StandardAtmosphere(),
         )
 
@@ -284,20 +297,21 @@ def _layer(
     one: CloudClass,
     seed: int,
     steps: int,
+    share: float,
     reflective: Sequence[SensorBand],
     emissive: Sequence[SensorBand],
 ) -> Layer:
-    particles = _PARTICLES[one.particles]
+    particles = _PARTICLES[one.particles](one.effective_radius_um)
+    sunlit = [band.number for band in reflective]
+    thermal = [band.number for band in emissive]
     return Layer(
         cloud=one.cloud(seed),
-        extinction_per_m=jnp.asarray(one.extinction_per_m, float),
-        infrared_ratio=jnp.asarray(particles.infrared_ratio, float),
-        co_albedo=jnp.asarray(
-            particles.co_albedo_in([b.number for b in reflective]), float
-        ),
-        relative_absorption=jnp.asarray(
-            particles.relative_absorption_in([b.number for b in emissive]), float
-        ),
+        extinction_per_m=jnp.asarray(share * one.extinction_per_m, float),
+        infrared_ratio=particles.infrared_ratio / share,
+        co_albedo=particles.co_albedo_in(sunlit),
+        asymmetry=particles.asymmetry_in(sunlit),
+        relative_extinction=particles.relative_extinction_in(sunlit),
+        relative_absorption=particles.relative_absorption_in(thermal),
         name=one.name,
         steps=steps,
     )

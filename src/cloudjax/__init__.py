@@ -66,6 +66,8 @@ from .imaging import (
 from .latlon_grid import LatLonGrid as LatLonGrid
 from .light import AbstractReflection as AbstractReflection
 from .light import Illumination as Illumination
+from .light import Scatterers as Scatterers
+from .light import Slabs as Slabs
 from .light import TwoFlux as TwoFlux
 from .optics import ICE as ICE
 from .optics import WATER as WATER

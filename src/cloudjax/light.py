@@ -7,25 +7,43 @@ so that its extinction is about (1 - g)/2, a thirteenth, of the physical one.
 """
 
 import abc
+from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .phase import AbstractPhase, HenyeyGreenstein
+from .reflectance import PlaneParallel, above_horizon
+
 
 class Illumination(eqx.Module):
-    """How the sun stands to the first surface of the cloud.
+    """How the sun stands to the cloud, and the cloud to the viewer.
 
     **Fields:**
 
     - `lit`, `shaded`: means of max(n·s, 0) and max(-n·s, 0) over the surface that is
       seen, n the normals and s the direction of the sun.
-    - `sun_height`: cosine of the solar zenith angle.
+    - `sun_height`, `view_height`: cosines of the zenith angles of sun and viewer.
+    - `scattering`: cosine of the angle between the sun's rays and the light that is
+      seen, -1 with the sun behind the viewer.
     """
 
     lit: Float[Array, "nodes rays"]
     shaded: Float[Array, "nodes rays"]
     sun_height: Float[Array, " rays"]
+    view_height: Float[Array, " rays"]
+    scattering: Float[Array, " rays"]
+
+
+class Scatterers(eqx.Module):
+    """Cloud particles in one band.
+
+    **Fields:** `co_albedo`: 1 - ω. `asymmetry`: mean cosine of the scattering angle.
+    """
+
+    co_albedo: Float[Array, ""]
+    asymmetry: Float[Array, ""]
 
 
 class AbstractReflection(eqx.Module):
@@ -35,16 +53,18 @@ class AbstractReflection(eqx.Module):
     def __call__(
         self,
         optical_depth: Float[Array, "nodes rays"],
-        co_albedo: Float[Array, ""],
+        particles: Scatterers,
         light: Illumination,
-    ) -> Float[Array, "nodes rays"]:
-        """Reflectance factor πL/E of the cloud alone.
+        behind: Float[Array, " rays"],
+    ) -> tuple[Float[Array, "nodes rays"], Float[Array, "nodes rays"]]:
+        """Reflectance factor πL/E of the cloud alone, and what it leaves of `behind`.
 
         **Arguments:**
 
         - `optical_depth`: along the line of sight.
-        - `co_albedo`: 1 - ω.
+        - `particles`: in the band.
         - `light`: how the sun stands to the cloud.
+        - `behind`: reflectance factor of what is seen without cloud.
         """
 
 
@@ -57,18 +77,49 @@ class TwoFlux(AbstractReflection):
 
     indirect: Float[Array, ""]
 
-    def __call__(self, optical_depth, co_albedo, light):
-        reflected, transmitted = slab(optical_depth, co_albedo)
+    def __call__(self, optical_depth, particles, light, behind):
+        reflected, transmitted = slab(optical_depth, particles.co_albedo)
+        through = jnp.exp(-optical_depth)
         # What the far side emits is what came through by scattering: eq. (3a) less
         # the direct beam, eq. (5), which the background already has. Never negative,
         # for exp(τ) >= 1 + τ.
-        diffuse = jnp.maximum(transmitted - jnp.exp(-optical_depth), 0)
+        diffuse = jnp.maximum(transmitted - through, 0)
         overhead = jnp.maximum(light.sun_height, 0)[None] * reflected
         direct = light.lit * reflected + light.shaded * diffuse
         day = (light.sun_height > 0)[None]
-        return jnp.where(
-            day, (1 - self.indirect) * direct + self.indirect * overhead, 0.0
+        seen = (1 - self.indirect) * direct + self.indirect * overhead
+        return jnp.where(day, seen, 0.0), through
+
+
+class Slabs(AbstractReflection):
+    """Each pixel's cloud as a plane-parallel slab, for the actual sun and viewer.
+
+    With the phase function of the particles; as DISORT has it within a few parts in a
+    thousand (docs/reflectance.md). For viewers above the cloud.
+
+    **Fields:** `networks`; `phase`: the kind of phase function, of an asymmetry.
+    """
+
+    networks: PlaneParallel
+    phase: Callable[[Array], AbstractPhase] = eqx.field(
+        static=True, default=HenyeyGreenstein
+    )
+
+    def __call__(self, optical_depth, particles, light, behind):
+        phase = self.phase(particles.asymmetry)
+        sun, view, scattering = (
+            jnp.broadcast_to(cosine[None], optical_depth.shape)
+            for cosine in (light.sun_height, light.view_height, light.scattering)
         )
+        slab = (optical_depth * view, particles.co_albedo, phase)
+        height = jnp.maximum(sun, 0)
+        reflected = height * self.networks.reflectance(*slab, sun, view, scattering)
+        _, down = self.networks.albedo_and_transmittance(*slab, sun)
+        _, up = self.networks.albedo_and_transmittance(*slab, view)
+        # What is behind is lit and seen through the cloud, and by light sent back.
+        albedo = jnp.clip(behind / above_horizon(light.sun_height), 0, 1)[None]
+        echo = albedo * self.networks.spherical_albedo(*slab)
+        return reflected, down * up / (1 - echo)
 
 
 def slab(

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, PyTree
 from .atmosphere import AbstractTemperature
 from .bands import EmissiveBands, ReflectiveBands
 from .geodesy import geodetic
-from .light import AbstractReflection
+from .light import AbstractReflection, Scatterers
 from .path import Path, along_chord, device_array, points_along
 from .rays import Rays
 from .shell import chords, second_chords
@@ -36,6 +36,9 @@ class Layer(eqx.Module):
     - `co_albedo`: 1 - ω in each reflective band.
     - `relative_absorption`: of each emissive band, 1 at the reference band.
     - `steps`: of the march.
+    - `asymmetry`: mean scattering cosine in each reflective band; for strategies that
+      have a phase function.
+    - `relative_extinction`: of each reflective band over β; None is one in all.
     """
 
     cloud: AbstractCloudSource
@@ -45,6 +48,20 @@ class Layer(eqx.Module):
     relative_absorption: Float[Array, " emissive"]
     name: str = eqx.field(static=True)
     steps: int = eqx.field(static=True, default=24)
+    asymmetry: Float[Array, " reflective"] | None = None
+    relative_extinction: Float[Array, " reflective"] | None = None
+
+    def sunlit_per_m(self, band: int) -> Float[Array, ""]:
+        """Extinction in a reflective band, by its place in the scene."""
+        if self.relative_extinction is None:
+            return self.extinction_per_m
+        return self.extinction_per_m * self.relative_extinction[band]
+
+    def scatterers(self, band: int) -> Scatterers:
+        """Its particles in a reflective band."""
+        none = jnp.zeros(())
+        asymmetry = none if self.asymmetry is None else self.asymmetry[band]
+        return Scatterers(self.co_albedo[band], asymmetry)
 
     def absorption_per_m(self, band: int) -> Float[Array, ""]:
         """In an emissive band, by its place in the scene."""

@@ -106,31 +106,51 @@ def _reflected(scene: Scene, ways: Sequence[_Seen], sun, background):
 
     A layer's light is dimmed by what lies in front of the part of it that is seen.
     """
-    profiles = [way.passed.transmittance(way.layer.extinction_per_m) for way in ways]
-    source, transmittance = jnp.zeros_like(background), jnp.ones_like(background)
-    for way in ways:
-        β = way.layer.extinction_per_m
-        absorbed = way.passed.absorbed(β)
-        light = _illumination(way, absorbed, sun)
-        depth = β * way.passed.depth_m
-        seen = way.passed.mean(absorbed)
-        clear = (seen * way.unhidden(profiles)).sum(-1) / jnp.maximum(
-            seen.sum(-1), 1e-9
-        )
-        reflectance = jnp.stack(
-            [
-                way.passed.mean(scene.reflection(depth, co_albedo, light))
-                for co_albedo in way.layer.co_albedo
-            ]
-        )
-        source = source + clear[None] * reflectance
-        transmittance = transmittance * way.passed.mean(jnp.exp(-depth))[None]
-    return source, transmittance
+    lights = [_illumination(way, sun) for way in ways]
+    before = [_before(way, ways) for way in ways]
+    source, transmittance = [], []
+    for band in range(background.shape[0]):
+        seen = [
+            scene.reflection(
+                way.layer.sunlit_per_m(band) * way.passed.depth_m,
+                way.layer.scatterers(band),
+                light,
+                background[band],
+            )
+            for way, light in zip(ways, lights, strict=True)
+        ]
+        reflected = [w.passed.mean(r) for w, (r, _) in zip(ways, seen, strict=True)]
+        passed = [w.passed.mean(t) for w, (_, t) in zip(ways, seen, strict=True)]
+        total = jnp.zeros_like(background[band])
+        through = jnp.ones_like(background[band])
+        for shares, own, left in zip(before, reflected, passed, strict=True):
+            for share, dimming in zip(shares, passed, strict=True):
+                if share is not None:
+                    own = own * (1 - share * (1 - dimming))
+            total, through = total + own, through * left
+        source.append(total)
+        transmittance.append(through)
+    return jnp.stack(source), jnp.stack(transmittance)
 
 
-def _illumination(way: _Seen, absorbed, sun: Float[Array, "3"]) -> Illumination:
+def _before(way: _Seen, others: Sequence[_Seen]) -> list[Float[Array, " rays"] | None]:
+    """The share of each other way's cloud that is in front of what is seen of one."""
+    seen = way.passed.mean(way.passed.absorbed(way.layer.extinction_per_m))
+    total = jnp.maximum(seen.sum(-1), 1e-9)
+    shares = []
+    for where, other in zip(way.places, others, strict=True):
+        if where is None:
+            shares.append(None)
+            continue
+        profile = other.passed.transmittance(other.layer.extinction_per_m)
+        stopped = (1 - profile) / jnp.maximum(1 - profile[:, -1:], 1e-6)
+        shares.append((seen * where.read(stopped)).sum(-1) / total)
+    return shares
+
+
+def _illumination(way: _Seen, sun: Float[Array, "3"]) -> Illumination:
     surface = first_surface(
-        absorbed,
+        way.passed.absorbed(way.layer.extinction_per_m),
         way.samples.distance_m,
         cast(Array, way.passed.gradient),  # sampled wherever there are reflective bands
         way.passed.slope_variance,
@@ -138,7 +158,13 @@ def _illumination(way: _Seen, absorbed, sun: Float[Array, "3"]) -> Illumination:
         way.path.direction,
     )
     lit, shaded = surface.illumination(sun)
-    return Illumination(lit, shaded, jnp.sum(way.path.entry_up * sun[None], axis=-1))
+    return Illumination(
+        lit,
+        shaded,
+        sun_height=jnp.sum(way.path.entry_up * sun[None], axis=-1),
+        view_height=jnp.abs(jnp.sum(way.path.entry_up * way.path.direction, axis=-1)),
+        scattering=jnp.sum(way.path.direction * sun[None], axis=-1),
+    )
 
 
 def _emitted(scene: Scene, ways: Sequence[_Seen], background):

@@ -31,6 +31,7 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 @click.option("--steps", type=int, help="Through each cloud shell.")
 @click.option("--resolution", type=int, help="Voxels per axis.")
 @click.option("--seed", type=int, help="Of the clouds.")
+@click.option("--light", help="physical or paper.  [default: physical]")
 @click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
 @click.option(
@@ -80,7 +81,9 @@ def _render_scene(scene: str, path: Path, bands, options) -> None:
     run = prepare(
         scene,
         bands=bands,
-        options={name: options[name] for name in ("steps", "resolution", "seed")},
+        options={
+            name: options[name] for name in ("steps", "resolution", "seed", "light")
+        },
         ignore_weather=options["ignore_weather"],
     )
     image, values = render_run(run, options["parameters"])
@@ -105,7 +108,7 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
     chosen = view.choose(bands)
     if not weather:
         raise click.UsageError(f"{sensor} needs clouds: give --weather GFS.grib2")
-    given = {name: options[name] for name in ("seed", "steps")}
+    given = {name: options[name] for name in ("seed", "steps", "light")}
     world = open_world(
         weather,
         options["classes"],
