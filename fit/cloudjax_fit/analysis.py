@@ -1,5 +1,6 @@
 """What a weather analysis gives a scene: winds, temperatures, and where clouds are."""
 
+import functools as ft
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
@@ -44,18 +45,7 @@ class Analysis:
         """
         if not self.cube.is_global:
             return [None] * len(scene.layers)
-        classes = cloud_classes()
-        return [
-            displacement_map(
-                _wind(
-                    self.cube,
-                    float(classes[layer.name].conditions.sampling_altitude_m),
-                ),
-                hours=self.hours,
-                resolution_deg=1.0,
-            )
-            for layer in scene.layers
-        ]
+        return list(_displacements(self, tuple(layer.name for layer in scene.layers)))
 
     def temperature(self, target: Target) -> TemperatureProfile:
         """The mean profile over a target."""
@@ -112,6 +102,22 @@ class Analysis:
         return LatLonGrid.from_axes(
             data["latitude"].to_numpy(), data["longitude"].to_numpy()
         )
+
+
+@ft.lru_cache(maxsize=2)
+def _displacements(
+    analysis: Analysis, names: tuple[str, ...]
+) -> tuple[DisplacementMap, ...]:
+    """Kept, for a fit asks for the same maps for its rays and for each of its images."""
+    classes = cloud_classes()
+    return tuple(
+        displacement_map(
+            _wind(analysis.cube, float(classes[name].conditions.sampling_altitude_m)),
+            hours=analysis.hours,
+            resolution_deg=1.0,
+        )
+        for name in names
+    )
 
 
 def _wind(cube: WeatherCube, altitude_m: float) -> Wind:
