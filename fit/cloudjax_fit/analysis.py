@@ -108,7 +108,7 @@ class Analysis:
 def _displacements(
     analysis: Analysis, names: tuple[str, ...]
 ) -> tuple[DisplacementMap, ...]:
-    """Kept, for a fit asks for the same maps for its rays and for each of its images."""
+    """Kept, for a fit asks for the same maps for its rays and for its images."""
     classes = cloud_classes()
     return tuple(
         displacement_map(
