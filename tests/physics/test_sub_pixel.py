@@ -8,28 +8,35 @@ import pytest
 from benchmarks.footprint import VIEWS, blocks, gains
 
 
-SIDE, SEEDS = 16, 2
+SIDE, SEEDS = 14, 2
 
 
 # Least gain of the distance between the pixels' distributions, of the root mean square
 # over pixels, and largest bias.
 EXPECTED = {
     "GEO nadir": (4.4, 2.4, 0.03),
-    "GEO near the limb": (3.8, 2.1, 0.03),
+    "GEO near the limb": (3.4, 2.1, 0.03),
     "LEO, 20 m": (1.0, 1.0, 0.07),
 }
 
 
-@pytest.mark.parametrize("name", EXPECTED)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "GEO nadir",
+        "GEO near the limb",
+        pytest.param("LEO, 20 m", marks=pytest.mark.slow),
+    ],
+)
 def test_one_soft_ray_beats_one_hard_ray(name):
-    """Geometry: 16² pixels at two places, seen near the nadir and near the limb of a
+    """Geometry: 14² pixels at two places, seen near the nadir and near the limb of a
     geostationary satellite (2 km) and from 700 km (20 m); broken low cloud, sun at 53
     degrees.
 
     Expectation: nearer to the mean of 64 hard rays per pixel with 160 and more steps
     than one hard ray is, both with 24 steps, by the factors of `EXPECTED`. Source: the
     hard level set of Schinder et al. (2024), averaged. Tolerance: some 20 % below what
-    was measured: gains of 5.6 and 3.0, 4.8 and 2.6, 1.3 and 1.1. From low orbit a pixel
+    was measured: gains of 6.0 and 3.1, 4.2 and 2.7, 1.3 and 1.1. From low orbit a pixel
     of 20 m resolves nearly all there is and one hard ray is nearly right: what is left
     is the error of the steps.
     """
@@ -40,6 +47,7 @@ def test_one_soft_ray_beats_one_hard_ray(name):
     assert abs(found["bias"]) < bias
 
 
+@pytest.mark.slow
 def test_means_of_low_orbit_and_of_a_geostationary_pixel_agree():
     """Geometry: 8² pixels of 2 km near the nadir and as many blocks of 20² rays from
     700 km on the same line of sight, each ray with the footprint of its 100 m.

@@ -118,7 +118,7 @@ def test_jvp_vjp_and_central_differences_agree_in_double_precision():
 
 def test_jitted_jacobians_are_right_in_single_precision_at_real_size():
     """One release of jax compiled jit(jacfwd) wrongly from 500 rays on."""
-    seen, data, x = _problem(2500, 32, nodes=1)
+    seen, data, x = _problem(1500, 24, nodes=1)
     f = jax.jit(seen)
     forward = jax.jit(jax.jacfwd(seen))(x, data)
     reverse = jax.jit(jax.jacrev(seen))(x, data)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cloudjax import Illumination, TwoFlux
-from cloudjax.light import slab
+from cloudjax.light import Scatterers, Slabs, slab
+from cloudjax.reflectance import PlaneParallel
 from tests.helpers import numbers
 
 
@@ -38,17 +39,28 @@ def test_the_slab_is_smooth_where_its_series_takes_over():
 
 def _smooth(facing, height) -> Illumination:
     """A surface that has one slope, by the cosine n·s."""
-    return Illumination(jnp.maximum(facing, 0), jnp.maximum(-facing, 0), height)
+    return _overhead(jnp.maximum(facing, 0), jnp.maximum(-facing, 0), height)
+
+
+def _overhead(lit, shaded, height) -> Illumination:
+    """Seen from straight above."""
+    return Illumination(lit, shaded, height, jnp.ones_like(height), -height)
+
+
+def _particles(co_albedo) -> Scatterers:
+    return Scatterers(jnp.asarray(co_albedo, float), jnp.asarray(0.85, float))
 
 
 def _factor(facing, height, depth=2.0, indirect=0.0, co_albedo=0.1):
     strategy = TwoFlux(jnp.asarray(indirect, float))
-    found = strategy(
+    reflected, through = strategy(
         numbers(depth)[None],
-        jnp.asarray(co_albedo, float),
+        _particles(co_albedo),
         _smooth(numbers(facing)[None], numbers(height)),
+        numbers(0.3),
     )
-    return float(found[0, 0])
+    assert float(through[0, 0]) == pytest.approx(np.exp(-depth))
+    return float(reflected[0, 0])
 
 
 @pytest.mark.parametrize("height", [0.0, -1e-6, -0.3, -1.0])
@@ -72,9 +84,9 @@ def test_a_rough_surface_reflects_and_transmits_at_once():
     reflected, transmitted = (
         float(x[0]) for x in slab(numbers(2.0), jnp.asarray(0.1, float))
     )
-    light = Illumination(numbers(0.4)[None], numbers(0.2)[None], numbers(0.5))
+    light = _overhead(numbers(0.4)[None], numbers(0.2)[None], numbers(0.5))
     strategy = TwoFlux(jnp.asarray(0.0))
-    found = strategy(numbers(2.0)[None], jnp.asarray(0.1), light)
+    found, _ = strategy(numbers(2.0)[None], _particles(0.1), light, numbers(0.3))
     expected = 0.4 * reflected + 0.2 * (transmitted - np.exp(-2.0))
     assert float(found[0, 0]) == pytest.approx(expected, rel=1e-5)
 
@@ -100,7 +112,10 @@ def _everything():
 def _one(depth, co_albedo, facing, height, indirect):
     strategy = TwoFlux(indirect)
     light = _smooth(facing[None, None], height[None])
-    return strategy(depth[None, None], co_albedo, light)[0, 0]
+    found, _ = strategy(
+        depth[None, None], _particles(co_albedo), light, jnp.zeros_like(height)[None]
+    )
+    return found[0, 0]
 
 
 def test_no_cloud_is_brighter_than_white_or_darker_than_black():
@@ -113,4 +128,51 @@ def test_gradients_are_finite_up_to_the_terminator():
     slopes = jax.vmap(jax.grad(_one, range(5)), (0, 0, 0, 0, None))
     inputs = [*_everything(), jnp.asarray(0.2)]
     for slope in jax.jit(slopes)(*inputs):
+        assert jnp.isfinite(slope).all()
+
+
+# Slabs -------------------------------------------------------------------------------
+
+
+def _slabs(depth, height, co_albedo, behind=0.3):
+    """What a slab seen from above reflects, and what it leaves of what is behind."""
+    light = _smooth(jnp.ones_like(height)[None, None], height[None])
+    found = Slabs(PlaneParallel.load())(
+        depth[None, None], _particles(co_albedo), light, jnp.asarray(behind)[None]
+    )
+    return jnp.stack([part[0, 0] for part in found])
+
+
+def test_no_slab_reflects_nothing_and_leaves_all():
+    found = _slabs(jnp.asarray(0.0), jnp.asarray(0.7), 0.01)
+    np.testing.assert_allclose(found, [0, 1], atol=1e-5)
+
+
+def test_an_endless_slab_hides_what_is_behind():
+    """White, it is a little brighter than paper straight above and darker aslant."""
+    reflected, through = _slabs(jnp.asarray(1e4), jnp.asarray(1.0), 0.0)
+    assert 1.0 < float(reflected) < 1.2
+    assert float(through) < 0.01
+
+
+def test_a_bright_ground_shows_more_than_once_through_a_white_slab():
+    """By light that the cloud sends back: the flux of T² / (1 - aS)."""
+    dark, bright = (
+        float(_slabs(jnp.asarray(8.0), jnp.asarray(1.0), 0.0, behind)[1])
+        for behind in (0.0, 0.8)
+    )
+    assert bright > 1.1 * dark
+    assert dark < 1
+
+
+def test_gradients_of_slabs_are_finite_on_the_hard_set():
+    pairs = itertools.product(DEPTHS, [0.0, 0.3, 1.0], [-0.2, 0.0, 1e-12, 0.7])
+    depth, co_albedo, height = (
+        jnp.asarray(column, float) for column in zip(*pairs, strict=True)
+    )
+    values = jax.jit(jax.vmap(_slabs))(depth, height, co_albedo)
+    slopes = jax.jit(jax.vmap(jax.jacrev(_slabs, (0, 1, 2))))(depth, height, co_albedo)
+    assert jnp.isfinite(values).all()
+    assert jnp.all(values >= 0)
+    for slope in slopes:
         assert jnp.isfinite(slope).all()
