@@ -37,13 +37,13 @@ class Illumination(eqx.Module):
 
 
 class Scatterers(eqx.Module):
-    """Cloud particles in one band.
+    """Cloud particles in one band, or in several.
 
     **Fields:** `co_albedo`: 1 - ω. `asymmetry`: mean cosine of the scattering angle.
     """
 
-    co_albedo: Float[Array, ""]
-    asymmetry: Float[Array, ""]
+    co_albedo: Float[Array, "*bands"]
+    asymmetry: Float[Array, "*bands"]
 
 
 class AbstractReflection(eqx.Module):

@@ -51,17 +51,20 @@ class Layer(eqx.Module):
     asymmetry: Float[Array, " reflective"] | None = None
     relative_extinction: Float[Array, " reflective"] | None = None
 
-    def sunlit_per_m(self, band: int) -> Float[Array, ""]:
-        """Extinction in a reflective band, by its place in the scene."""
+    @property
+    def sunlit_per_m(self) -> Float[Array, " reflective"]:
+        """Extinction in each reflective band."""
         if self.relative_extinction is None:
-            return self.extinction_per_m
-        return self.extinction_per_m * self.relative_extinction[band]
+            return self.extinction_per_m * jnp.ones_like(self.co_albedo)
+        return self.extinction_per_m * self.relative_extinction
 
-    def scatterers(self, band: int) -> Scatterers:
-        """Its particles in a reflective band."""
-        none = jnp.zeros(())
-        asymmetry = none if self.asymmetry is None else self.asymmetry[band]
-        return Scatterers(self.co_albedo[band], asymmetry)
+    @property
+    def scatterers(self) -> Scatterers:
+        """Its particles in each reflective band."""
+        none = jnp.zeros_like(self.co_albedo)
+        return Scatterers(
+            self.co_albedo, none if self.asymmetry is None else self.asymmetry
+        )
 
     def absorption_per_m(self, band: int) -> Float[Array, ""]:
         """In an emissive band, by its place in the scene."""

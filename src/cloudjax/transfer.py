@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
@@ -106,31 +107,27 @@ def _reflected(scene: Scene, ways: Sequence[_Seen], sun, background):
 
     A layer's light is dimmed by what lies in front of the part of it that is seen.
     """
-    lights = [_illumination(way, sun) for way in ways]
-    before = [_before(way, ways) for way in ways]
-    source, transmittance = [], []
-    for band in range(background.shape[0]):
-        seen = [
-            scene.reflection(
-                way.layer.sunlit_per_m(band) * way.passed.depth_m,
-                way.layer.scatterers(band),
-                light,
-                background[band],
-            )
-            for way, light in zip(ways, lights, strict=True)
-        ]
-        reflected = [w.passed.mean(r) for w, (r, _) in zip(ways, seen, strict=True)]
-        passed = [w.passed.mean(t) for w, (_, t) in zip(ways, seen, strict=True)]
-        total = jnp.zeros_like(background[band])
-        through = jnp.ones_like(background[band])
-        for shares, own, left in zip(before, reflected, passed, strict=True):
-            for share, dimming in zip(shares, passed, strict=True):
-                if share is not None:
-                    own = own * (1 - share * (1 - dimming))
-            total, through = total + own, through * left
-        source.append(total)
-        transmittance.append(through)
-    return jnp.stack(source), jnp.stack(transmittance)
+    # All bands in one, or the strategy would be compiled anew for each.
+    each_band = jax.vmap(scene.reflection, in_axes=(0, 0, None, 0))
+    reflected, passed = [], []
+    for way in ways:
+        sunlit = way.layer.sunlit_per_m[:, None, None]
+        own, left = each_band(
+            sunlit * way.passed.depth_m[None],
+            way.layer.scatterers,
+            _illumination(way, sun),
+            background,
+        )
+        reflected.append(jax.vmap(way.passed.mean)(own))
+        passed.append(jax.vmap(way.passed.mean)(left))
+    source, transmittance = jnp.zeros_like(background), jnp.ones_like(background)
+    for way, own, left in zip(ways, reflected, passed, strict=True):
+        shares = _before(way, ways)
+        for share, dimming in zip(shares, passed, strict=True):
+            if share is not None:
+                own = own * (1 - share[None] * (1 - dimming))
+        source, transmittance = source + own, transmittance * left
+    return source, transmittance
 
 
 def _before(way: _Seen, others: Sequence[_Seen]) -> list[Float[Array, " rays"] | None]:
