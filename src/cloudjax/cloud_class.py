@@ -5,6 +5,7 @@ written in the same way and read with `load_classes`.
 """
 
 import importlib.resources
+import math
 import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
@@ -16,7 +17,7 @@ import jax.numpy as jnp
 from .cloud import CloudFunction, FractalCloud, Latent
 from .shell import Shell
 from .texture import Fractal, InvertedWorley, Perlin
-from .weather import Conditions
+from .weather import Conditions, fraction_to_mask
 
 
 Phase = Literal["water", "ice"]
@@ -99,6 +100,20 @@ class CloudClass:
         c = self.conditions
         return Shell(float(c.shell_bottom_m), float(c.shell_top_m))
 
+    @property
+    def marched(self) -> Shell:
+        """The part of the shell where the barriers leave cloud a chance.
+
+        Steps are spent there only. Beyond, they exceed the greatest CF that there is:
+        a mask of certain cloud with every texture at three standard deviations.
+        """
+        textures = sum(abs(t.weight) for t in self.textures)
+        certain = float(fraction_to_mask(jnp.ones(())))
+        greatest = self.mask_gain * certain + 3 * textures - self.threshold
+        reach = self.barrier_scale_m * math.log(max(greatest, 1.0))
+        bottom = max(self.shell.bottom_m, self.base_m - reach)
+        return Shell(bottom, min(self.shell.top_m, self.top_m + reach))
+
     def cloud(self, seed: int) -> FractalCloud:
         """The class as a source of cloud; same seed, same cloud."""
         return FractalCloud(
@@ -113,7 +128,7 @@ class CloudClass:
                 smoothing=jnp.asarray(_SMOOTHING),
             ),
             latent=Latent.gauss_hermite(),
-            shell=self.shell,
+            shell=self.marched,
             fractals=tuple(t.fractal for t in self.textures),
             length_scales_m=tuple(t.length_scale_m for t in self.textures),
             seed=seed,
