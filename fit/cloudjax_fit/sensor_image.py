@@ -6,13 +6,21 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+import jax.numpy as jnp
 import matplotlib
 import numpy as np
 import xarray as xr
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from matplotlib.figure import Figure
 
-from cloudjax import CloudProducts, FixedGrid, Scene, Weather, render
+from cloudjax import (
+    BandRadiances,
+    CloudProducts,
+    FixedGrid,
+    Scene,
+    Weather,
+    render,
+)
 from cloudjax_data import (
     GRID_MAPPING,
     earth_sun_distance_au,
@@ -80,11 +88,15 @@ def render_sensor(
     - `weather`: of that time, where it is at hand; else the world's.
     - `resolution`: voxels per axis of the textures.
     - `on_tile`: called with the numbers of rays done and of all.
+
+    **Raises:** `DataError` if the resolution is too coarse for a texture.
     """
+    world.require_resolution(resolution)
     scene = world.scene(bands, earth_sun_distance_au(time))
     view = sensor.view
-    seen = _looks_at_air(sensor)
-    pixels = np.flatnonzero(seen)
+    ground, hit = view.rays().ground()
+    # A fixed grid has much of space, a camera the limb and the sky with their clouds.
+    pixels = np.flatnonzero(hit if isinstance(view, FixedGrid) else np.ones_like(hit))
     image = render(
         scene,
         lambda index: view.rays(pixels[index]),
@@ -96,20 +108,20 @@ def render_sensor(
         with_products=True,
         on_tile=on_tile,
     )
-    assert image.clouds is not None
+    clouds = image.clouds
+    assert clouds is not None
+    cloudy = clouds.fraction > LEAST_FRACTION
+    something = hit[pixels] | cloudy
 
     def on_grid(values, missing=np.nan):
-        whole = np.full(seen.size, missing, values.dtype)
+        whole = np.full(hit.size, missing, values.dtype)
         whole[pixels] = values
         return whole.reshape(view.shape)
 
     radiance, shown = {}, {}
     for number, values, looks in _by_band(scene, image.radiances):
-        radiance[number], shown[number] = on_grid(values), on_grid(looks)
-    ground, hit = view.rays().ground()
-    clouds = image.clouds
-    share = LIGHTS[world.light].share
-    cloudy = np.asarray(clouds.fraction) > LEAST_FRACTION
+        radiance[number] = on_grid(np.where(something, values, np.nan))
+        shown[number] = on_grid(np.where(something, looks, np.nan))
     return SensorImage(
         sensor=sensor,
         time=time,
@@ -117,8 +129,9 @@ def render_sensor(
         shown=shown,
         latitude_deg=np.where(hit, ground.latitude_deg, np.nan).reshape(view.shape),
         longitude_deg=np.where(hit, ground.longitude_deg, np.nan).reshape(view.shape),
-        cloud_fraction=on_grid(np.asarray(clouds.fraction)),
-        cloud_optical_depth=on_grid(np.asarray(clouds.optical_depth) / share),
+        # Rounding leaves some below 0.
+        cloud_fraction=on_grid(np.clip(clouds.fraction, 0, 1)),
+        cloud_optical_depth=on_grid(clouds.optical_depth / LIGHTS[world.light].share),
         cloud_top_height_m=on_grid(np.where(cloudy, clouds.top_height_m, np.nan)),
         cloud_class=on_grid(_classes(clouds, cloudy), 0),
         class_names=tuple(world.classes),
@@ -214,23 +227,24 @@ def _shade_range(values, band: SensorBand) -> tuple[float, float]:
     return (0.0, max(high, 0.05)) if band.reflective else (low, high)
 
 
-def _looks_at_air(sensor: Sensor) -> Bool[np.ndarray, " rays"]:
-    """Pixels that see the ground, or air below 15 km."""
-    rays = sensor.view.rays()
-    _, hit = rays.ground()
-    if isinstance(sensor.view, FixedGrid):
-        return hit
-    return np.ones(len(rays), bool)
-
-
-def _by_band(scene: Scene, seen):
+def _by_band(scene: Scene, seen: BandRadiances):
     """Number, radiance and what people look at, of each band."""
-    if scene.reflective is not None:
-        shown = np.asarray(scene.reflective.reflectance(seen.reflective))
-        yield from zip(scene.reflective.numbers, seen.reflective, shown, strict=True)
-    if scene.emissive is not None:
-        shown = np.asarray(scene.emissive.brightness_temperature_k(seen.emissive))
-        yield from zip(scene.emissive.numbers, seen.emissive, shown, strict=True)
+    if scene.reflective is not None and seen.reflective is not None:
+        bands, radiance = scene.reflective, jnp.asarray(seen.reflective)
+        yield from zip(
+            bands.numbers,
+            np.asarray(radiance),
+            np.asarray(bands.reflectance(radiance)),
+            strict=True,
+        )
+    if scene.emissive is not None and seen.emissive is not None:
+        bands, radiance = scene.emissive, jnp.asarray(seen.emissive)
+        yield from zip(
+            bands.numbers,
+            np.asarray(radiance),
+            np.asarray(bands.brightness_temperature_k(radiance)),
+            strict=True,
+        )
 
 
 def _classes(clouds: CloudProducts, cloudy) -> Int[np.ndarray, " rays"]:
@@ -245,7 +259,9 @@ def _products(image: SensorImage) -> dict[str, xr.DataArray]:
         attrs={
             "long_name": "class of the cloud that stops the most of what is seen",
             "flag_values": np.arange(len(image.class_names) + 1, dtype=np.int8),
-            "flag_meanings": " ".join(("clear", *image.class_names)),
+            "flag_meanings": " ".join(
+                name.replace(" ", "_") for name in ("clear", *image.class_names)
+            ),
         },
     )
     return {

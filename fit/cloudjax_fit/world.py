@@ -5,6 +5,7 @@ temperatures come from weather analyses, the ground from a table.
 """
 
 import functools as ft
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -54,6 +55,8 @@ from .surface import Surface
 
 EARTH_RADIUS_M = 6371e3
 MAP_STEP_DEG = 1.0
+# As that of a fresh map of 20 hours.
+_STEP_MINUTES = 30.0
 # Levels of the temperature field, linear in between.
 _LEVELS_M = np.arange(0.0, 16e3, 500.0)
 _PARTICLES = {"water": water, "ice": ice}
@@ -72,7 +75,8 @@ class World:
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
     - `light`: the strategy for sunlight, one of `model.LIGHTS`.
 
-    **Raises:** `DataError` for regional weather: air comes from outside of it.
+    **Raises:** `DataError` for regional weather, for air comes from outside of it;
+    without a class; for a negative seed or no steps.
     """
 
     series: WeatherSeries
@@ -89,9 +93,28 @@ class World:
                 f"{cube.path} covers a region only: get the global analysis, for the "
                 "wind brings clouds from outside."
             )
+        if not self.classes:
+            raise DataError("There is no class of cloud: give one at least.")
+        if self.seed < 0:
+            raise DataError(f"seed = {self.seed} is negative: make it 0 or more.")
+        if self.steps < 1:
+            raise DataError(f"steps = {self.steps} is none: make it 1 or more.")
         if self.light not in LIGHTS:
             raise DataError(
                 f"There is no light {self.light!r}: make it {' or '.join(LIGHTS)}."
+            )
+
+    def require_resolution(self, voxels: int) -> None:
+        """Raise `DataError` if so many per axis are too few for a texture."""
+        needed, name = max(
+            (2 * texture.fractal.finest_cells, one.name)
+            for one in self.classes.values()
+            for texture in one.textures
+        )
+        if voxels < needed:
+            raise DataError(
+                f"resolution = {voxels} is too coarse for the textures of {name}, "
+                f"which need two voxels per cell: make it {needed} or more."
             )
 
     def scene(self, bands: Sequence[SensorBand], distance_au: float = 1.0) -> Scene:
@@ -138,7 +161,10 @@ class World:
             if i > 0:
                 maps = {
                     (altitude, hours): propagate(
-                        earlier, self._wind(altitude, start), duration_s=60 * minutes
+                        earlier,
+                        self._wind(altitude, start),
+                        duration_s=60 * minutes,
+                        steps=math.ceil(minutes / _STEP_MINUTES),
                     )
                     for (altitude, hours), earlier in maps.items()
                 }
@@ -192,17 +218,13 @@ class World:
         cube = self.series.cubes[0]
         levels = [cube.at_altitude(float(z))["t"].to_numpy() for z in _LEVELS_M]
         nodes = _filled(np.stack(levels, axis=-1)).reshape(-1, len(_LEVELS_M))
-        return nodes, _grid(cube.data)
+        return nodes, LatLonGrid.from_axes(*_axes(cube.data))
 
     def _weather(self, time, maps: Mapping) -> Weather:
         masks, displacements = [], []
+        axes = _axes(self.series.cubes[0].data)
         for one in self.classes.values():
-            level = self.series.cubes[0].data
-            mask = MaskGrid.from_fraction(
-                np.nan_to_num(self.fractions(one.conditions, time)),
-                level["latitude"].to_numpy(),
-                level["longitude"].to_numpy(),
-            )
+            mask = MaskGrid.from_fraction(self.fractions(one.conditions, time), *axes)
             altitude = float(one.conditions.sampling_altitude_m)
             drawn = maps.get((altitude, one.mask_displacement_hours))
             masks.append(mask if drawn is None else DisplacedMask(mask, drawn))
@@ -219,12 +241,10 @@ class World:
     def _wind(self, altitude_m: float, origin: datetime) -> Wind:
         # Where the level is within a mountain, the air does not move.
         eastward, northward = (np.nan_to_num(w) for w in self.series.winds(altitude_m))
-        data = self.series.cubes[0].data
         return Wind(
             eastward,
             northward,
-            data["latitude"].to_numpy(),
-            data["longitude"].to_numpy(),
+            *_axes(self.series.cubes[0].data),
             time_s=self.series.seconds_from(origin),
             radius_m=EARTH_RADIUS_M + altitude_m,
         )
@@ -248,9 +268,16 @@ def open_world(
     series = WeatherSeries.of([read_weather(file) for file in weather])
     try:
         known = cloud_classes() if classes is None else load_classes(classes)
-    except (ValueError, OSError) as error:
-        said = error.strerror if isinstance(error, OSError) else error
-        raise DataError(f"{classes} cannot be used: {said}") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{classes} is no text: write classes in TOML.") from error
+    except ValueError as error:
+        raise DataError(str(error)) from error
+    except OSError as error:
+        raise DataError(
+            f"{classes} cannot be used ({error.strerror}): check the path."
+        ) from error
+    if not known:
+        raise DataError(f"{classes} holds no class of cloud: write one at least.")
     for one in known.values():
         check_altitude(series.cubes[0], float(one.conditions.sampling_altitude_m))
     return World(series, known, **settings)
@@ -346,10 +373,8 @@ def _emissive(bands: Sequence[SensorBand]) -> EmissiveBands | None:
     )
 
 
-def _grid(data) -> LatLonGrid:
-    return LatLonGrid.from_axes(
-        data["latitude"].to_numpy(), data["longitude"].to_numpy()
-    )
+def _axes(data) -> tuple[np.ndarray, np.ndarray]:
+    return data["latitude"].to_numpy(), data["longitude"].to_numpy()
 
 
 def _filled(levels: Float[np.ndarray, "lat lon z"]) -> Float[np.ndarray, "lat lon z"]:

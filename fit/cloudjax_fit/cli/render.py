@@ -21,6 +21,8 @@ class Place(click.ParamType):
         return latitude, longitude
 
 
+_OF_SCENES = ("parameters", "ignore_weather")
+_OF_SENSORS = ("time", "classes", "longitude", "centre")
 _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 
 
@@ -42,7 +44,12 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 )
 @click.option("--time", type=_TIMES, help="Sensor: UTC.  [default: of the weather]")
 @click.option("--frames", type=click.IntRange(1), default=1, help="Sensor: images.")
-@click.option("--minutes", type=float, default=30.0, help="Sensor: between frames.")
+@click.option(
+    "--minutes",
+    type=click.FloatRange(0, min_open=True),
+    default=30.0,
+    help="Sensor: between frames.",
+)
 @click.option("--classes", metavar="TOML", help="Sensor: of cloud.")
 @click.option("--longitude", type=float, help="Sensor: of an ABI's satellite.")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
@@ -68,9 +75,19 @@ def render(target, output, bands, weather, **options) -> None:
                 f"{target} is a scene, whose weather is in its folder: leave out "
                 "--weather"
             )
+        _refuse(_OF_SENSORS, options, f"{target} is a scene")
         _render_scene(target, path, bands, options)
     else:
         _render_sensor(target, path, bands, weather, options)
+
+
+def _refuse(names, options, because: str) -> None:
+    """End with a sentence if one of these options has been given."""
+    for name in names:
+        # Not "if options[name]": a longitude may be 0.
+        if options[name] is not None and options[name] is not False:
+            option = name.replace("_", "-")
+            raise click.UsageError(f"{because}: leave out --{option}")
 
 
 def _render_scene(scene: str, path: Path, bands, options) -> None:
@@ -98,8 +115,7 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
 
     from .progress import tile_progress
 
-    if options["parameters"] is not None:
-        raise click.UsageError("--parameters is for a scene: give --classes TOML")
+    _refuse(_OF_SCENES, options, f"{sensor} is no folder of a scene")
     view = read_sensor(
         sensor,
         subsatellite_longitude_deg=options["longitude"],
@@ -114,8 +130,13 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
         options["classes"],
         **{name: value for name, value in given.items() if value is not None},
     )
-    start = _start(options["time"], world)
+    resolution = 128 if options["resolution"] is None else options["resolution"]
+    world.require_resolution(resolution)
     frames = options["frames"]
+    start = options["time"] or world.series.times[0]
+    start = start.replace(tzinfo=UTC)
+    _require_near(start, world)
+    _require_near(start + timedelta(minutes=(frames - 1) * options["minutes"]), world)
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
         file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
         with tile_progress(file.name) as on_tile:
@@ -125,21 +146,18 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
                 chosen,
                 time,
                 air,
-                resolution=options["resolution"] or 128,
+                resolution=resolution,
                 on_tile=on_tile,
             )
         write_sensor_image(file, image, world)
         click.echo(f"{file} and {file.with_suffix('.png')}")
 
 
-def _start(time: datetime | None, world) -> datetime:
-    """The time of the first frame, near to the weather."""
+def _require_near(time: datetime, world) -> None:
+    """Raise `DataError` for a frame hours before or after all weather."""
     from cloudjax_data import DataError
 
     first, last = world.series.times[0], world.series.times[-1]
-    if time is None:
-        return first
-    time = time.replace(tzinfo=UTC)
     slack = timedelta(hours=3)
     if not first - slack <= time <= last + slack:
         said = "%Y-%m-%d %H:%M"
@@ -148,4 +166,3 @@ def _start(time: datetime | None, world) -> datetime:
             f"{first.strftime(said)} to {last.strftime(said)} UTC, hours from "
             f"{time.strftime(said)}: give the analyses around that time."
         )
-    return time

@@ -1,0 +1,325 @@
+"""`cloudjax render SENSOR --weather GRIB` as its users meet it."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pytest
+import xarray as xr
+from click.testing import CliRunner, Result
+
+from cloudjax_fit.cli import main
+from tests.generated_grib import write_grib
+
+
+NOON = datetime(2019, 10, 27, 18, tzinfo=UTC)
+LEVELS = {1000: 110.0, 850: 1500.0, 700: 3000.0, 500: 5600.0, 300: 9200.0, 100: 16500.0}
+SMALL = ("--steps", "6", "--resolution", "32")
+MESO = ("abi-meso-10km", "--centre", "20,-80")
+CLASS = """
+[{name}]
+threshold = -0.3
+mask_gain = 1.1
+base_m = {base}
+top_m = {top}
+barrier_scale_m = 300
+mask_displacement_hours = {hours}
+extinction_per_m = {extinction}
+particles = "{particles}"
+effective_radius_um = {radius}
+
+[{name}.conditions]
+sampling_altitude_m = {sampled}
+shell_bottom_m = {bottom}
+shell_top_m = {shell_top}
+vertical_wind_min_pa_s = -inf
+vertical_wind_max_pa_s = inf
+temperature_min_k = {coldest}
+temperature_max_k = inf
+critical_relative_humidity = 0.3
+vertical_wind_width_pa_s = 0.2
+temperature_width_k = 5.0
+
+[[{name}.textures]]
+fractal = "perlin"
+cells = 4
+octaves = 3
+persistence = 0.5
+length_scale_m = 900e3
+weight = 1.0
+displacement_hours = {hours}
+"""
+LOW = {
+    "name": "low",
+    "base": 700,
+    "top": 2000,
+    "hours": 0.0,
+    "extinction": 0.05,
+    "particles": "water",
+    "radius": 10,
+    "sampled": 2000,
+    "bottom": 500,
+    "shell_top": 3000,
+    "coldest": 250.0,
+}
+HIGH = LOW | {
+    "name": "high",
+    "base": 7500,
+    "top": 9500,
+    "hours": 3.0,
+    "extinction": 0.002,
+    "particles": "ice",
+    "radius": 30,
+    "sampled": 8000,
+    "bottom": 7000,
+    "shell_top": 10000,
+    "coldest": 0.0,
+}
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def sentence_of(result: Result) -> str:
+    """The one sentence of a run that was refused."""
+    assert result.exit_code == 2, result.output
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("cloudjax: ")
+    assert lines[0].endswith(".")
+    return lines[0]
+
+
+def write_analysis(file: Path, time: datetime = NOON, humid: float = 85.0) -> Path:
+    """A coarse analysis, humid but around one meridian, with wind from the west."""
+    latitude, longitude = np.arange(90.0, -91.0, -10.0), np.arange(0.0, 360.0, 10.0)
+    φ, λ = np.radians(np.meshgrid(latitude, longitude, indexing="ij"))
+    fields = {}
+    for level, height in LEVELS.items():
+        fields |= {
+            ("gh", level): np.full(φ.shape, height),
+            ("t", level): 300 - 6.5e-3 * min(height, 11e3) - 40 * np.sin(φ) ** 2,
+            ("r", level): np.clip(humid - 60 * np.cos(λ - 4.0), 5, 95),
+            ("w", level): np.full(φ.shape, -0.05),
+            ("u", level): 20 * np.cos(φ),
+            ("v", level): 5 * np.sin(2 * λ) * np.cos(φ),
+        }
+    return write_grib(
+        file, fields, latitude_deg=latitude, longitude_deg=longitude, time=time
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Weather of two times and two simple classes."""
+    folder = tmp_path_factory.mktemp("inputs")
+    write_analysis(folder / "gfs.grib2")
+    write_analysis(folder / "later.grib2", NOON + timedelta(hours=3), humid=70.0)
+    text = CLASS.format(**LOW) + CLASS.format(**HIGH)
+    (folder / "classes.toml").write_text(text)
+    return folder
+
+
+def inputs(folder: Path) -> tuple:
+    classes = folder / "classes.toml"
+    return "--weather", folder / "gfs.grib2", "--classes", classes, *SMALL
+
+
+@pytest.fixture(scope="module")
+def rendered(folder) -> Path:
+    file = folder / "out.nc"
+    result = run("render", *MESO, *inputs(folder), "--bands", "2,13", "-o", file)
+    assert result.exit_code == 0, result.output
+    assert str(file) in result.stdout
+    return file
+
+
+def test_the_file_has_what_is_promised(rendered):
+    assert rendered.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    units = {
+        "radiance_C02": "W m-2 sr-1 um-1",
+        "radiance_C13": "mW m-2 sr-1 (cm-1)-1",
+        "cloud_top_height": "m",
+        "cloud_optical_depth": "1",
+        "cloud_fraction": "1",
+    }
+    with xr.open_dataset(rendered) as data:
+        assert data.attrs["Conventions"] == "CF-1.8"
+        assert data.attrs["weather"] == "gfs.grib2"
+        assert data["time"] == np.datetime64("2019-10-27T18:00")
+        for name, unit in units.items():
+            assert data[name].dims == ("y", "x")
+            assert data[name].attrs["units"] == unit
+        assert data["cloud_class"].attrs["flag_meanings"] == "clear low high"
+        np.testing.assert_array_equal(
+            data["cloud_class"].attrs["flag_values"], range(3)
+        )
+
+
+def test_the_clouds_agree_with_each_other(rendered):
+    with xr.open_dataset(rendered) as data:
+        kind, height = data["cloud_class"].to_numpy(), data["cloud_top_height"]
+        fraction = data["cloud_fraction"].to_numpy()
+        assert set(np.unique(kind)) == {0, 1, 2}
+        assert fraction.min() >= 0
+        assert 0.2 < fraction.mean() < 0.9
+        assert np.isnan(height.to_numpy()[kind == 0]).all()
+        # A pixel with both has a height between.
+        assert float(height.where(kind == 2).mean()) > 5000
+        assert float(height.where(kind == 1).mean()) < 3000
+        c02, c13 = (data[f"radiance_C{n}"].to_numpy() for n in ("02", "13"))
+        clear = fraction < 0.05
+        assert c02[fraction > 0.95].mean() > 3 * c02[clear].mean()
+        assert c13[kind == 2].mean() < c13[clear].mean()
+
+
+def test_the_projection_is_that_of_the_satellite(rendered):
+    with xr.open_dataset(rendered) as data:
+        mapping = data[data["radiance_C02"].attrs["grid_mapping"]]
+        crs = pyproj.CRS.from_cf(mapping.attrs)
+    # GOES-R PUG volume 3, table 5.1.2.7.
+    geos = pyproj.CRS.from_proj4(
+        "+proj=geos +h=35786023 +lon_0=-75 +sweep=x +a=6378137 +b=6356752.31414"
+    )
+    place = np.array([-80.0, -120.0]), np.array([20.0, -35.0])
+    ours, theirs = (pyproj.Proj(one)(*place) for one in (crs, geos))
+    np.testing.assert_allclose(ours, theirs, atol=1e-3)
+
+
+def test_the_file_opens_as_an_area(rendered):
+    utils = pytest.importorskip("pyresample.utils.cf")
+    area, _ = utils.load_cf_area(str(rendered), variable="radiance_C02")
+    longitude, latitude = area.get_lonlats()
+    geod = pyproj.Transformer.from_crs(area.crs, area.crs.geodetic_crs, always_xy=True)
+    with xr.open_dataset(rendered) as data:
+        x, y = np.meshgrid(data["x"] * 35786023.0, data["y"] * 35786023.0)
+    λ, φ = geod.transform(x, y)
+    np.testing.assert_allclose(latitude, φ, atol=1e-4)
+    np.testing.assert_allclose(longitude, λ, atol=1e-4)
+    # 20 N, 80 W, to the nearest multiple of 20 km.
+    row, column = np.array(latitude.shape) // 2
+    assert latitude[row, column] == pytest.approx(20, abs=0.2)
+    assert longitude[row, column] == pytest.approx(-80, abs=0.2)
+
+
+def test_the_same_seed_gives_the_same_values(rendered, folder):
+    file = folder / "again.nc"
+    result = run("render", *MESO, *inputs(folder), "--bands", "2,13", "-o", file)
+    assert result.exit_code == 0, result.output
+    with xr.open_dataset(rendered) as first, xr.open_dataset(file) as second:
+        xr.testing.assert_identical(first, second)
+
+
+def test_a_camera_sees_a_sky_above_the_ground(folder):
+    (folder / "leo.toml").write_text(
+        'kind = "camera"\nlatitude_deg = 15.0\nlongitude_deg = -80.0\n'
+        "altitude_m = 500e3\nazimuth_deg = 0.0\nelevation_deg = -20.0\n"
+        "field_of_view_deg = 30.0\nrows = 40\ncolumns = 30\nbands = [13]\n"
+    )
+    file = folder / "leo.nc"
+    result = run("render", folder / "leo.toml", *inputs(folder), "-o", file)
+    assert result.exit_code == 0, result.output
+    with xr.open_dataset(file) as data:
+        assert data.attrs["sensor"] == "leo"
+        assert data["radiance_C13"].shape == (40, 30)
+        ground = np.isfinite(data["latitude"].to_numpy())
+        # The horizon of 500 km is 22 degrees below the horizontal.
+        assert not ground[:16].any()
+        assert ground[24:].all()
+        assert np.isfinite(data["radiance_C13"].to_numpy()[ground]).all()
+        assert np.isnan(data["radiance_C13"].to_numpy()[0]).all()
+        assert set(data.coords) >= {"latitude", "longitude", "time"}
+
+
+def test_frames_follow_each_other(folder):
+    later = "--weather", folder / "later.grib2"
+    clip = "--frames", "2", "--minutes", "90", "--bands", "2,13"
+    file = folder / "clip.nc"
+    result = run("render", *MESO, *inputs(folder), *later, *clip, "-o", file)
+    assert result.exit_code == 0, result.output
+    assert not file.exists()
+    with (
+        xr.open_dataset(folder / "clip-000.nc") as first,
+        xr.open_dataset(folder / "clip-001.nc") as second,
+    ):
+        assert second["time"] - first["time"] == np.timedelta64(90, "m")
+        assert second.attrs["weather"] == "gfs.grib2, later.grib2"
+        # Drier by then.
+        assert second["cloud_fraction"].mean() < first["cloud_fraction"].mean()
+
+
+def test_a_fifth_class_is_a_matter_of_toml(folder):
+    classes = folder / "fifth.toml"
+    anvil = HIGH | {"name": "anvil", "sampled": 9500, "shell_top": 14000, "top": 12000}
+    text = (folder / "classes.toml").read_text() + CLASS.format(**anvil)
+    classes.write_text(text)
+    file = folder / "fifth.nc"
+    options = "--weather", folder / "gfs.grib2", "--classes", classes, *SMALL
+    result = run("render", *MESO, *options, "--bands", "13", "-o", file)
+    assert result.exit_code == 0, result.output
+    with xr.open_dataset(file) as data:
+        assert data["cloud_class"].attrs["flag_meanings"] == "clear low high anvil"
+        assert (data["cloud_class"] == 3).any()
+
+
+GIVEN = ("--weather", "gfs.grib2", "--classes", "classes.toml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (MESO, "give --weather"),
+        (("abi-fulldisc-10km", *GIVEN), "abi-fulldisc-10km is not a sensor"),
+        (("nothing.toml", *GIVEN), "nothing.toml"),
+        (("abi-meso-10km", *GIVEN), "without a place"),
+        ((*MESO, *GIVEN, "--time", "2019-10-28T09:00"), "hours from 2019-10-28 09:00"),
+        ((*MESO, *GIVEN, "--frames", "9"), "hours from 2019-10-27 22:00"),
+        ((*MESO, *GIVEN, "--steps", "0"), "steps = 0"),
+        ((*MESO, *GIVEN, "--seed", "-1"), "seed = -1"),
+        ((*MESO, *GIVEN, "--resolution", "16"), "too coarse for the textures of low"),
+        ((*MESO, *GIVEN, "--minutes", "0"), "--minutes"),
+        ((*MESO, *GIVEN, "--ignore-weather"), "leave out --ignore-weather"),
+        ((*MESO, *GIVEN, "--parameters", "p.toml"), "leave out --parameters"),
+        (("abi-meso-10km", *GIVEN, "--centre", "20"), "'20'"),
+        (("abi-meso-10km", *GIVEN, "--centre", "20,105"), "abi-meso-10km"),
+        (("abi-conus-10km", *GIVEN, "--centre", "20,-80"), "leave it out"),
+        ((*MESO, *GIVEN[:3], "unknown.toml"), "unknown key(s) toop"),
+        ((*MESO, *GIVEN[:3], "empty.toml"), "holds no class"),
+        ((*MESO, *GIVEN[:3], "absent.toml"), "absent.toml cannot be used"),
+        ((*MESO, *GIVEN[:3], "binary.toml"), "binary.toml is no text"),
+        ((*MESO, "--weather", "absent.grib2"), "absent.grib2"),
+        ((*MESO, "--weather", "region.grib2"), "covers a region only"),
+        ((*MESO, *GIVEN, "--weather", "gfs.grib2"), "both valid at"),
+        (("two.toml", *GIVEN, "--bands", "3"), "has no band 3"),
+        ((".", "--time", "2019-10-27T18:00"), "leave out --time"),
+    ],
+)
+def test_bad_input_is_one_sentence(folder, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(folder)
+    text = Path("classes.toml").read_text()
+    Path("unknown.toml").write_text(text.replace("top_m", "toop", 1))
+    Path("empty.toml").write_text("")
+    Path("two.toml").write_text(
+        'kind = "abi"\nsector = "fulldisk"\nresolution_km = 10\nbands = [2, 13]\n'
+    )
+    Path("binary.toml").write_bytes(b"\xff\xfe\x00")
+    regional(Path("region.grib2"))
+    sentence = sentence_of(run("render", *arguments, "-o", tmp_path / "out.nc"))
+    assert words in sentence
+    assert list(tmp_path.iterdir()) == []
+
+
+def regional(file: Path) -> None:
+    if file.exists():
+        return
+    latitude, longitude = np.arange(40.0, 9.0, -10.0), np.arange(260.0, 301.0, 10.0)
+    shape = latitude.size, longitude.size
+    values = {"u": 5.0, "v": 1.0, "w": 0.1, "r": 60.0, "t": 270.0}
+    fields = {
+        (name, level): np.full(shape, value)
+        for name, value in values.items()
+        for level in LEVELS
+    } | {("gh", level): np.full(shape, height) for level, height in LEVELS.items()}
+    write_grib(file, fields, latitude_deg=latitude, longitude_deg=longitude, time=NOON)

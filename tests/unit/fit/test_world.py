@@ -1,0 +1,211 @@
+"""A world of weather alone: masks, winds, temperatures and the ground below."""
+
+import dataclasses
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.generated_grib import write_grib
+
+from cloudjax import Camera, cloud_classes
+from cloudjax.geodesy import up
+from cloudjax_data import DataError, WeatherSeries, read_weather, sun_direction
+from cloudjax_fit.sensor_band import nominal_bands
+from cloudjax_fit.surface import SEA
+from cloudjax_fit.world import World
+
+
+TIME = datetime(2019, 10, 27, 18, tzinfo=UTC)
+LEVELS = {1000: 110.0, 850: 1500.0, 700: 3000.0, 500: 5600.0, 300: 9200.0, 100: 16500.0}
+LATITUDE, LONGITUDE = np.arange(90.0, -91.0, -10.0), np.arange(0.0, 360.0, 10.0)
+SHAPE = LATITUDE.size, LONGITUDE.size
+BANDS = nominal_bands()
+
+
+def analysis(folder: Path, **given):
+    """One air mass of 7 K/km, but for the fields that are given."""
+    fields: dict[tuple[str, int], np.ndarray] = {}
+    for level, height in LEVELS.items():
+        usual: Mapping = {"gh": height, "t": 300 - 7e-3 * height, "r": 60.0, "w": 0.0}
+        values = {**usual, "u": 0.0, "v": 0.0, **given}
+        fields |= {
+            (name, level): np.broadcast_to(np.asarray(value, float), SHAPE)
+            for name, value in values.items()
+        }
+    file = folder / "gfs.grib2"
+    write_grib(file, fields, latitude_deg=LATITUDE, longitude_deg=LONGITUDE, time=TIME)
+    return read_weather(file)
+
+
+def world(*cubes, **settings) -> World:
+    return World(WeatherSeries.of(cubes), **settings)
+
+
+def west_wind(speed_m_s: float = 40.0):
+    """Air that turns about the Earth's axis as a whole."""
+    return {"u": speed_m_s * np.cos(np.radians(LATITUDE))[:, None]}
+
+
+def test_uniform_weather_has_uniform_masks(tmp_path):
+    made = world(analysis(tmp_path))
+    masks = made.weather(TIME).masks
+    assert masks is not None
+    φ, λ = np.array([-70.0, -3.0, 0.0, 45.0]), np.array([179.9, -180.0, 0.3, 77.0])
+    for one, mask in zip(made.classes.values(), masks, strict=True):
+        fraction = made.fractions(one.conditions, TIME)
+        assert np.ptp(fraction) < 1e-6
+        from_above = mask(φ, λ)
+        assert np.ptp(from_above) < 1e-5
+        assert 0 < fraction.mean() < 0.5
+
+
+def test_masks_follow_the_sign_of_the_vertical_wind(tmp_path):
+    # Pa/s: air that rises loses pressure.
+    cube = analysis(tmp_path, w=-0.5)
+    cumulus = cloud_classes()["low_cumulus"].conditions
+    up_ward, down_ward = (
+        world(cube, omega_sign=sign).fractions(cumulus, TIME).mean()
+        for sign in (-1.0, 1.0)
+    )
+    assert up_ward > 0.2
+    assert down_ward < 0.2 * up_ward
+
+
+def test_a_mask_is_drawn_from_where_the_air_came(tmp_path):
+    """Solid rotation by 40 m/s for 10 h moves all air by one longitude."""
+    east = np.radians(LONGITUDE)[None, :]
+    moist = analysis(tmp_path, r=60 + 20 * np.cos(east), **west_wind())
+    classes = cloud_classes()
+    still = world(moist, classes={"a": classes["low_stratus"]})
+    drawn = world(moist, classes={"a": _masks_move(classes["low_stratus"], 10.0)})
+    altitude = float(classes["low_stratus"].conditions.sampling_altitude_m)
+    moved_deg = np.degrees(40.0 * 36000 / (6371e3 + altitude))
+    φ, λ = np.array([-60.0, 0.0, 15.0, 60.0]), np.array([-170.0, 5.0, 90.0, 179.0])
+    expected = _mask(still)(φ, λ - moved_deg)
+    assert np.abs(expected - _mask(still)(φ, λ)).max() > 0.05
+    np.testing.assert_allclose(_mask(drawn)(φ, λ), expected, atol=2e-3)
+
+
+def _masks_move(one, hours: float):
+    return dataclasses.replace(one, mask_displacement_hours=hours)
+
+
+def _mask(made: World):
+    masks = made.weather(TIME).masks
+    assert masks is not None
+    return masks[0]
+
+
+def test_frames_carry_their_maps_on(tmp_path):
+    """As maps made afresh of the longer time, within a hundredth of the way."""
+    wavy = 10 * np.sin(2 * np.radians(LONGITUDE))[None, :]
+    shape = {**west_wind(30.0), "v": wavy * np.cos(np.radians(LATITUDE))[:, None]}
+    one = cloud_classes()["low_stratus"]
+    made = world(analysis(tmp_path, **shape), classes={"a": one})
+    frames = list(made.frames(TIME, 3, 60.0))
+    assert [time - TIME for time, _ in frames] == [timedelta(hours=h) for h in range(3)]
+    longer = _longer(one, 2.0)
+    afresh = world(made.series.cubes[0], classes={"a": longer}).weather(TIME)
+    place = up(np.array([-50.0, 0.0, 35.0]), np.array([-120.0, 10.0, 179.0]))
+    carried, exact = (
+        _first_map(air).displacement_of(place) for air in (frames[2][1], afresh)
+    )
+    way = np.linalg.norm(exact, axis=-1)
+    assert (way > 0.05).all()
+    assert (np.linalg.norm(carried - exact, axis=-1) < 0.01 * way).all()
+
+
+def _longer(one, hours: float):
+    textures = tuple(
+        dataclasses.replace(t, displacement_hours=t.displacement_hours + hours)
+        for t in one.textures
+    )
+    return dataclasses.replace(one, textures=textures)
+
+
+def _first_map(air):
+    return air.displacements[0][0]
+
+
+def test_temperatures_are_linear_between_levels_and_held_beyond(tmp_path):
+    made = world(analysis(tmp_path))
+    φ, λ = np.array([0.0, 41.0, -88.0, 10.0]), np.array([0.0, -179.0, 33.0, 5.0])
+    z = np.array([1000.0, 3333.0, 12_345.0, 40_000.0])
+    expected = 300 - 7e-3 * np.minimum(z, 15_500.0)
+    np.testing.assert_allclose(made.temperature_k(φ, λ, z), expected, atol=0.01)
+    # There is nothing below the lowest level, 110 m: the first one above serves.
+    below = made.temperature_k(φ[:1], λ[:1], np.array([-100.0]))
+    assert below == pytest.approx(300 - 7e-3 * 500, abs=0.01)
+
+
+def seen_from(latitude_deg: float, longitude_deg: float):
+    place = latitude_deg, longitude_deg, 500e3
+    return Camera(*place, 0.0, -90.0, 1.0, 1, 1).rays()
+
+
+def test_the_ground_is_dark_by_night_and_brighter_on_land(tmp_path):
+    made = world(analysis(tmp_path))
+    scene = made.scene([BANDS[3], BANDS[13]])
+    assert scene.reflective is not None
+    places = {"land": (-5.0, -65.0), "sea": (0.0, -140.0), "night": (23.0, 100.0)}
+    seen = {
+        name: made.background(scene, seen_from(*place), TIME)
+        for name, place in places.items()
+    }
+    per_radiance = float(scene.reflective.reflectance_per_radiance[0])
+    factor = {
+        name: float(np.asarray(one.reflective)[0, 0]) * per_radiance
+        for name, one in seen.items()
+    }
+    φ, λ = np.array([[0.0], [-140.0]])
+    sun = float((up(φ, λ) * sun_direction(TIME)).sum())
+    assert factor["sea"] == pytest.approx(SEA[2] * sun, rel=1e-3)
+    assert factor["land"] > 5 * factor["sea"]
+    assert factor["night"] == 0
+    assert scene.emissive is not None
+    for one in seen.values():
+        assert one.emissive is not None
+        kelvin = scene.emissive.brightness_temperature_k(one.emissive)
+        # 110 m at the lapse rate of the surface above 0 m.
+        assert float(kelvin[0, 0]) == pytest.approx(300 - 0.77 + 0.715, abs=0.05)
+
+
+def test_there_is_nothing_where_a_ray_misses_the_earth(tmp_path):
+    made = world(analysis(tmp_path))
+    scene = made.scene([BANDS[2], BANDS[13]])
+    away = Camera(0.0, 0.0, 500e3, 0.0, 45.0, 1.0, 1, 1).rays()
+    seen = made.background(scene, away, TIME)
+    assert not np.asarray(seen.reflective).any()
+    assert not np.asarray(seen.emissive).any()
+
+
+def test_optics_are_those_of_the_radius_of_the_class(tmp_path):
+    one = cloud_classes()["low_stratus"]
+    coarse = dataclasses.replace(one, effective_radius_um=30.0)
+    made = world(analysis(tmp_path), classes={"a": one, "b": coarse})
+    fine, big = made.scene([BANDS[5], BANDS[13]]).layers
+    # Larger droplets absorb more of 1.6 µm.
+    assert float(big.co_albedo[0]) > 2 * float(fine.co_albedo[0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"classes": {}}, "no class of cloud"),
+        ({"seed": -1}, "seed = -1"),
+        ({"steps": 0}, "steps = 0"),
+        ({"light": "dim"}, "no light 'dim'"),
+    ],
+)
+def test_a_world_that_cannot_be_is_refused(tmp_path, settings, words):
+    with pytest.raises(DataError, match=words):
+        world(analysis(tmp_path), **settings)
+
+
+def test_too_few_voxels_for_a_texture_are_refused(tmp_path):
+    made = world(analysis(tmp_path))
+    made.require_resolution(128)
+    with pytest.raises(DataError, match=r"too coarse.*make it 128 or more"):
+        made.require_resolution(64)
