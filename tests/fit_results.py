@@ -41,7 +41,8 @@ def _image(run: Run, factor: float) -> SimulatedImage:
     numbers = tuple(run.target.bands)
     radiance = np.stack([run.observed[n] * np.float32(factor) for n in numbers])
     radiance[:, 0, :] = np.nan
-    return SimulatedImage(numbers, radiance, np.isfinite(radiance[0]).astype(float))
+    cloud = np.isfinite(radiance[0]).astype(float)
+    return SimulatedImage(numbers, radiance, cloud, 5.0 * cloud)
 
 
 def _distances(run: Run, image: SimulatedImage):

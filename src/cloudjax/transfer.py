@@ -242,4 +242,6 @@ def products(scene: Scene, sampled: Sampled) -> CloudProducts:
     total = sum(share, jnp.zeros(rays))
     met = total > 1e-3
     top = jnp.where(met, height / jnp.where(met, total, 1.0), jnp.nan)
-    return CloudProducts(1 - clear, depth, top, jnp.stack(share))
+    # Weights of a quadrature add up to one but for rounding.
+    cover = jnp.clip(1 - clear, 0, 1)
+    return CloudProducts(cover, depth, top, jnp.stack(share))

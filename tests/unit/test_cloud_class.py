@@ -85,10 +85,11 @@ def test_the_mask_gain_undoes_the_spread_of_the_textures():
 
 @pytest.mark.parametrize("name", cloud_classes())
 def test_a_class_covers_its_cloud_fraction(name):
-    """Vertical columns all over the globe that hold cloud, within 0.1 of 0.3 and 0.6.
+    """Vertical columns all over the globe that hold cloud, by the cloud fraction.
 
-    A column is covered by cloud at any altitude, and so sooner than one level is. Two
-    octaves of noise, all standardised, do for four.
+    A column is covered by cloud at any altitude, and so sooner than one level is, and
+    thresholds lift the scarce cover of Table 1, by up to 0.4 at a fraction of 0.3.
+    Two octaves of noise, all standardised, do for four.
     """
     cloud = cloud_classes()[name].cloud(seed=0)
     rng, columns = np.random.default_rng(0), 1500
@@ -110,10 +111,15 @@ def test_a_class_covers_its_cloud_fraction(name):
         )
     )
     z = jnp.broadcast_to(jnp.asarray(altitude, float), (columns, 16))
-    for fraction in (0.3, 0.6):
+    covers = []
+    for fraction in (0.01, 0.3, 0.6, 0.99):
         mask = jnp.full((columns, 16), fraction_to_mask(jnp.asarray(fraction)))
         inside = cloud.function(values, mask, z) > 0
-        assert inside.any(axis=1).mean() == pytest.approx(fraction, abs=0.1)
+        covers.append(float(inside.any(axis=1).mean()))
+    assert covers[0] < 0.15
+    assert 0.25 < covers[1] < 0.7
+    assert covers[1] + 0.1 < covers[2] < covers[3]
+    assert covers[3] > 0.97
 
 
 def test_extinctions_are_those_of_water_contents_and_radii():
@@ -142,7 +148,9 @@ def test_a_fifth_class_is_read_from_a_file(tmp_path):
 
 def test_a_class_makes_its_cloud(tmp_path):
     cloud = load(tmp_path, FIFTH)["fog"].cloud(seed=7)
-    assert cloud.shell.top_m == 300
+    # Marched no further than the barriers leave it a chance, within its shell.
+    assert 200 < cloud.shell.top_m < 300
+    assert cloud.shell.bottom_m == load(tmp_path, FIFTH)["fog"].shell.bottom_m
     assert cloud.length_scales_m == (50e3, 19e3)
     f = cloud.function
     assert f.weights.tolist() == [1.0, 0.5]

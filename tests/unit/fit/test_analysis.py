@@ -1,5 +1,6 @@
 """Cloud fractions from a weather file."""
 
+import dataclasses
 from datetime import UTC, datetime
 
 import numpy as np
@@ -37,10 +38,20 @@ def write(path, humid_levels=(1000, 700, 300)):
     )
 
 
+def _yes_or_no(cloud):
+    """The conditions of a class with the paper's sharp edges, and usual humidities."""
+    return dataclasses.replace(
+        cloud.conditions,
+        critical_relative_humidity=0.8,
+        vertical_wind_width_pa_s=0.01,
+        temperature_width_k=1.0,
+    )
+
+
 def test_cloud_stands_in_rising_moist_air(tmp_path):
     analysis = Analysis(read_weather(write(tmp_path / "gfs.grib")))
     fractions = {
-        name: analysis.fractions(cloud.conditions)
+        name: analysis.fractions(_yes_or_no(cloud))
         for name, cloud in cloud_classes().items()
     }
     for name in ("low_stratus", "altostratus"):
@@ -53,6 +64,6 @@ def test_cloud_stands_in_rising_moist_air(tmp_path):
 def test_a_class_that_the_file_does_not_reach_is_refused(tmp_path):
     cube = read_weather(write(tmp_path / "gfs.grib", humid_levels=(1000, 700)))
     classes = cloud_classes()
-    assert Analysis(cube).fractions(classes["low_stratus"].conditions).max() > 0.98
+    assert Analysis(cube).fractions(_yes_or_no(classes["low_stratus"])).max() > 0.98
     with pytest.raises(DataError, match=r"gfs\.grib has nothing at 6000 m"):
         Analysis(cube).fractions(classes["cirrus"].conditions)

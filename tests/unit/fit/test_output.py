@@ -74,7 +74,8 @@ def test_a_fit_that_did_not_converge_is_marked(run):
 
 
 def test_parameters_come_back(folder, result):
-    values = read_parameters(folder / "parameters.toml")
+    values, light = read_parameters(folder / "parameters.toml")
+    assert light == "physical"
     expected = {e.parameter.name: e.value for e in result.estimates}
     assert values == pytest.approx(expected)
     assert tomllib.loads((folder / "parameters.toml").read_text())["air"]

@@ -159,4 +159,15 @@ def test_a_parameter_beyond_its_bounds_is_refused(target):
 def test_parameters_of_bands_that_are_not_used_are_left_out(target):
     assert "air.gain_C13" in parameter_names(target)
     changes = {"air.gain_C13": 1.0, "air.gain_C15": 1.0}
-    assert concerning(changes, target, SOURCE) == {"air.gain_C13": 1.0}
+    assert concerning(changes, target, SOURCE, "physical") == {"air.gain_C13": 1.0}
+
+
+def test_parameters_of_another_light_are_left_out(target):
+    changes = {"light.indirect": 0.2}
+    assert concerning(changes, target, SOURCE, "paper") == changes
+    assert concerning(changes, target, SOURCE, "physical") == {}
+
+
+def test_an_unknown_light_is_refused():
+    with pytest.raises(DataError, match=r"light = 'moon': make it paper or physical"):
+        read_settings({"fit": {"light": "moon"}}, SOURCE)
