@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .phase import AbstractPhase, HenyeyGreenstein
-from .reflectance import PlaneParallel, above_horizon
+from .reflectance import PlaneParallel
 
 
 class Illumination(eqx.Module):
@@ -46,6 +46,21 @@ class Scatterers(eqx.Module):
     asymmetry: Float[Array, "*bands"]
 
 
+class Returned(eqx.Module):
+    """What becomes of sunlight in a cloud.
+
+    **Fields:**
+
+    - `reflectance`: factor πL/E of the cloud alone.
+    - `transmittance`: of what is behind it, on the way down and up.
+    - `back`: share of the light from behind that the cloud sends back there.
+    """
+
+    reflectance: Float[Array, "nodes rays"]
+    transmittance: Float[Array, "nodes rays"]
+    back: Float[Array, "nodes rays"]
+
+
 class AbstractReflection(eqx.Module):
     """How sunlight comes back from a cloud."""
 
@@ -55,16 +70,14 @@ class AbstractReflection(eqx.Module):
         optical_depth: Float[Array, "nodes rays"],
         particles: Scatterers,
         light: Illumination,
-        behind: Float[Array, " rays"],
-    ) -> tuple[Float[Array, "nodes rays"], Float[Array, "nodes rays"]]:
-        """Reflectance factor πL/E of the cloud alone, and what it leaves of `behind`.
+    ) -> Returned:
+        """What a cloud of one layer does.
 
         **Arguments:**
 
         - `optical_depth`: along the line of sight.
         - `particles`: in the band.
         - `light`: how the sun stands to the cloud.
-        - `behind`: reflectance factor of what is seen without cloud.
         """
 
 
@@ -77,7 +90,7 @@ class TwoFlux(AbstractReflection):
 
     indirect: Float[Array, ""]
 
-    def __call__(self, optical_depth, particles, light, behind):
+    def __call__(self, optical_depth, particles, light):
         reflected, transmitted = slab(optical_depth, particles.co_albedo)
         through = jnp.exp(-optical_depth)
         # What the far side emits is what came through by scattering: eq. (3a) less
@@ -88,7 +101,7 @@ class TwoFlux(AbstractReflection):
         direct = light.lit * reflected + light.shaded * diffuse
         day = (light.sun_height > 0)[None]
         seen = (1 - self.indirect) * direct + self.indirect * overhead
-        return jnp.where(day, seen, 0.0), through
+        return Returned(jnp.where(day, seen, 0.0), through, jnp.zeros_like(through))
 
 
 class Slabs(AbstractReflection):
@@ -105,7 +118,7 @@ class Slabs(AbstractReflection):
         static=True, default=HenyeyGreenstein
     )
 
-    def __call__(self, optical_depth, particles, light, behind):
+    def __call__(self, optical_depth, particles, light):
         phase = self.phase(particles.asymmetry)
         sun, view, scattering = (
             jnp.broadcast_to(cosine[None], optical_depth.shape)
@@ -116,10 +129,7 @@ class Slabs(AbstractReflection):
         reflected = height * self.networks.reflectance(*slab, sun, view, scattering)
         _, down = self.networks.albedo_and_transmittance(*slab, sun)
         _, up = self.networks.albedo_and_transmittance(*slab, view)
-        # What is behind is lit and seen through the cloud, and by light sent back.
-        albedo = jnp.clip(behind / above_horizon(light.sun_height), 0, 1)[None]
-        echo = albedo * self.networks.spherical_albedo(*slab)
-        return reflected, down * up / (1 - echo)
+        return Returned(reflected, down * up, self.networks.spherical_albedo(*slab))
 
 
 def slab(

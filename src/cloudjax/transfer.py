@@ -13,6 +13,7 @@ from .light import Illumination
 from .march import March, first_surface, march
 from .order import Place, Stretch, overlap, place
 from .path import Path
+from .reflectance import above_horizon
 from .scene import BandRadiances, Layer, Sampled, Scene
 
 
@@ -105,24 +106,38 @@ def radiances(
 def _reflected(scene: Scene, ways: Sequence[_Seen], sun, background):
     """Reflectance factor of all cloud and its transmittance, [bands rays] both.
 
-    A layer's light is dimmed by what lies in front of the part of it that is seen.
+    A layer's light is dimmed by what lies in front of the part of it that is seen. What
+    is behind a layer, of reflectance A, is lit by what the layer sends back too, and
+    seen through it as t A/(1 - A R) (Liou 2002, eq. 6.3.31), R the layer's own.
     """
     # All bands in one, or the strategy would be compiled anew for each.
-    each_band = jax.vmap(scene.reflection, in_axes=(0, 0, None, 0))
-    reflected, passed = [], []
-    for way in ways:
-        sunlit = way.layer.sunlit_per_m[:, None, None]
-        own, left = each_band(
-            sunlit * way.passed.depth_m[None],
+    each_band = jax.vmap(scene.reflection, in_axes=(0, 0, None))
+    lights = [_illumination(way, sun) for way in ways]
+    returned = [
+        each_band(
+            way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
             way.layer.scatterers,
-            _illumination(way, sun),
-            background,
+            light,
         )
-        reflected.append(jax.vmap(way.passed.mean)(own))
-        passed.append(jax.vmap(way.passed.mean)(left))
+        for way, light in zip(ways, lights, strict=True)
+    ]
+    reflected = [
+        jax.vmap(way.passed.mean)(own.reflectance)
+        for way, own in zip(ways, returned, strict=True)
+    ]
+    before = [_before(way, ways) for way in ways]
+    passed = []
+    for i, (way, light, own) in enumerate(zip(ways, lights, returned, strict=True)):
+        behind = background
+        for shares, other in zip(before, reflected, strict=True):
+            if (share := shares[i]) is not None:
+                behind = behind + share[None] * other
+        albedo = jnp.clip(behind / above_horizon(light.sun_height)[None], 0, 1)
+        # Never all of it, or light would not end.
+        echo = jnp.minimum(albedo[:, None] * own.back, 0.99)
+        passed.append(jax.vmap(way.passed.mean)(own.transmittance / (1 - echo)))
     source, transmittance = jnp.zeros_like(background), jnp.ones_like(background)
-    for way, own, left in zip(ways, reflected, passed, strict=True):
-        shares = _before(way, ways)
+    for shares, own, left in zip(before, reflected, passed, strict=True):
         for share, dimming in zip(shares, passed, strict=True):
             if share is not None:
                 own = own * (1 - share[None] * (1 - dimming))
