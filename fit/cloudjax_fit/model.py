@@ -85,7 +85,7 @@ LIGHTS = {
 }
 
 
-DEFAULT_LIGHT = "physical"
+DEFAULT_LIGHT = "paper"
 
 
 def light_of(scene: Scene) -> Light:

@@ -48,7 +48,7 @@ from cloudjax_data import (
     sun_direction,
 )
 
-from .model import DEFAULT_LIGHT, LIGHTS
+from .model import LIGHTS
 from .sensor_band import SensorBand
 from .surface import Surface
 
@@ -84,7 +84,7 @@ class World:
     seed: int = 0
     steps: int = 24
     omega_sign: float = -1.0
-    light: str = DEFAULT_LIGHT
+    light: str = "physical"
 
     def __post_init__(self):
         cube = self.series.cubes[0]

@@ -51,7 +51,7 @@ _FIT_OPTIONS = (
     click.option("--starts", type=int, help="Starts; the best fit is kept."),
     click.option("--max-steps", type=int, help="Steps of the solver at most."),
     click.option("--seed", type=int, help="Of clouds, rays and starts."),
-    click.option("--light", help="physical or paper.  [default: physical]"),
+    click.option("--light", help="physical or paper.  [default: paper]"),
 )
 
 

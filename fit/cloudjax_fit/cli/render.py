@@ -33,7 +33,10 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 @click.option("--steps", type=int, help="Through each cloud shell.")
 @click.option("--resolution", type=int, help="Voxels per axis.")
 @click.option("--seed", type=int, help="Of the clouds.")
-@click.option("--light", help="physical or paper.  [default: physical]")
+@click.option(
+    "--light",
+    help="physical or paper.  [default: paper for a scene, physical for a sensor]",
+)
 @click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
 @click.option(

@@ -75,7 +75,7 @@ def test_a_fit_that_did_not_converge_is_marked(run):
 
 def test_parameters_come_back(folder, result):
     values, light = read_parameters(folder / "parameters.toml")
-    assert light == "physical"
+    assert light == "paper"
     expected = {e.parameter.name: e.value for e in result.estimates}
     assert values == pytest.approx(expected)
     assert tomllib.loads((folder / "parameters.toml").read_text())["air"]
