@@ -139,7 +139,7 @@ def _layer(name: str, target: Target, seed: int, steps: int, share: float) -> La
     return Layer(
         cloud=FractalCloud(
             function=function,
-            latent=Latent.gauss_hermite(3),
+            latent=Latent.gauss_hermite(),
             shell=SHELLS[name],
             fractals=FRACTALS,
             length_scales_m=LENGTH_SCALES_M[name],
