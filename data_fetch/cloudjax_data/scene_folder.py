@@ -11,6 +11,7 @@ from typing import Any
 from .abi import read_band
 from .abi_name import AbiName, parse_abi_name
 from .errors import DataError
+from .manifest import MANIFEST
 from .packed import netcdf_file
 from .scene import SAME_SCAN, AbiScene
 
@@ -102,7 +103,9 @@ def open_folder(path: str | PathLike[str]) -> SceneFolder:
         platform=first.platform if first else None,
         sector=first.sector if first else None,
         start=first.start if first else None,
-        ignored=tuple(file for file in files if file not in used),
+        ignored=tuple(
+            file for file in files if file not in used and file.name != MANIFEST
+        ),
     )
 
 

@@ -199,7 +199,7 @@ def test_a_visible_scene_never_asks_for_the_temperature():
 
 def test_a_thermal_scene_never_asks_for_the_sun():
     class Forbidden(TwoFlux):
-        def __call__(self, optical_depth, particles, light, behind):
+        def __call__(self, optical_depth, particles, light):
             raise AssertionError("no reflection was asked")
 
     scene = make_scene([layer(fractal_cloud())], None, emissive_bands(13))
