@@ -55,7 +55,7 @@ def test_a_scene_is_fetched_and_taken_as_it_is(scene, mischief, tmp_path):
     times = [read_weather(file).valid_time for file in folder.weather]
     assert times == [NOON + timedelta(hours=3), NOON + timedelta(hours=6)]
     assert folder.read().start == SCAN
-    assert folder.ignored == (out / "manifest.json",)
+    assert folder.ignored == ()
     assert not (out / ".partial").exists()
     result = CliRunner().invoke(main, ["info", str(out)])
     assert "advection           6 hours of the winds in gfs.20230426" in result.output
