@@ -2,6 +2,7 @@
 
 import functools as ft
 from dataclasses import dataclass, replace
+from datetime import datetime
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +17,7 @@ from cloudjax import (
     cloud_fraction,
 )
 from cloudjax.advection import DisplacementMap, Wind, displacement_map
-from cloudjax_data import WeatherCube, check_altitude
+from cloudjax_data import WeatherCube, WeatherSeries, check_altitude
 
 from .target import Target
 
@@ -72,16 +73,7 @@ class Analysis:
         """
         altitude_m = float(conditions.sampling_altitude_m)
         check_altitude(self.cube, altitude_m)
-        level = self._regular.at_altitude(altitude_m)
-        humidity, temperature, omega = (
-            jnp.asarray(np.nan_to_num(level[name].to_numpy(), nan=fallback), float)
-            for name, fallback in (("r", 0.0), ("t", 273.15), ("w", 0.0))
-        )
-        fraction = cloud_fraction(
-            conditions, jnp.clip(humidity / 100, 0, 1), temperature, omega
-        )
-        missing = np.isnan(level["r"].to_numpy())
-        return np.where(missing, np.nan, np.asarray(fraction, float))
+        return fractions_at(self._regular.at_altitude(altitude_m), conditions)
 
     def masked(self, target: Target) -> Target:
         """The target with the analysis's clouds in place of those of the imagery."""
@@ -109,27 +101,45 @@ def _displacements(
     analysis: Analysis, names: tuple[str, ...]
 ) -> tuple[DisplacementMap, ...]:
     """Kept, for a fit asks for the same maps for its rays and for its images."""
-    classes = cloud_classes()
+    classes, series = cloud_classes(), WeatherSeries.of([analysis.cube])
+    altitudes = (float(classes[n].conditions.sampling_altitude_m) for n in names)
     return tuple(
         displacement_map(
-            _wind(analysis.cube, float(classes[name].conditions.sampling_altitude_m)),
+            wind_at(series, altitude_m, analysis.cube.valid_time),
             hours=analysis.hours,
             resolution_deg=1.0,
         )
-        for name in names
+        for altitude_m in altitudes
     )
 
 
-def _wind(cube: WeatherCube, altitude_m: float) -> Wind:
-    level = cube.at_altitude(float(altitude_m))
+def fractions_at(
+    level, conditions: Conditions, omega_sign: float = -1.0
+) -> Float[np.ndarray, "lat lon"]:
+    """Cloud fraction of a class from the weather at its altitude; NaN under ground."""
+    humidity, temperature, omega = (
+        jnp.asarray(level[name].to_numpy(), float) for name in ("r", "t", "w")
+    )
+    fraction = cloud_fraction(
+        conditions,
+        jnp.clip(humidity / 100, 0, 1),
+        temperature,
+        omega,
+        omega_sign=omega_sign,
+    )
+    return np.where(np.isnan(humidity), np.nan, np.asarray(fraction, float))
+
+
+def wind_at(series: WeatherSeries, altitude_m: float, origin: datetime) -> Wind:
+    """The wind at an altitude, on a clock that starts at a time."""
     # Where the level is within a mountain, the air does not move.
-    eastward, northward = (
-        np.nan_to_num(level[name].to_numpy())[None] for name in ("u", "v")
-    )
+    eastward, northward = (np.nan_to_num(w) for w in series.winds(altitude_m))
+    data = series.cubes[0].data
     return Wind(
         eastward,
         northward,
-        level["latitude"].to_numpy(),
-        level["longitude"].to_numpy(),
-        radius_m=EARTH_RADIUS_M + float(altitude_m),
+        data["latitude"].to_numpy(),
+        data["longitude"].to_numpy(),
+        time_s=series.seconds_from(origin),
+        radius_m=EARTH_RADIUS_M + altitude_m,
     )

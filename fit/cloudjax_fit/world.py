@@ -30,9 +30,7 @@ from cloudjax import (
     Scene,
     StandardAtmosphere,
     Weather,
-    Wind,
     cloud_classes,
-    cloud_fraction,
     displacement_map,
     ice,
     load_classes,
@@ -48,12 +46,12 @@ from cloudjax_data import (
     sun_direction,
 )
 
+from .analysis import fractions_at, wind_at
 from .model import LIGHTS
 from .sensor_band import SensorBand
 from .surface import Surface
 
 
-EARTH_RADIUS_M = 6371e3
 MAP_STEP_DEG = 1.0
 # As that of a fresh map of 20 hours.
 _STEP_MINUTES = 30.0
@@ -162,7 +160,7 @@ class World:
                 maps = {
                     (altitude, hours): propagate(
                         earlier,
-                        self._wind(altitude, start),
+                        wind_at(self.series, altitude, start),
                         duration_s=60 * minutes,
                         steps=math.ceil(minutes / _STEP_MINUTES),
                     )
@@ -235,18 +233,9 @@ class World:
 
     def _map(self, altitude_m: float, hours: float, *, time: datetime):
         return displacement_map(
-            self._wind(altitude_m, time), hours=hours, resolution_deg=MAP_STEP_DEG
-        )
-
-    def _wind(self, altitude_m: float, origin: datetime) -> Wind:
-        # Where the level is within a mountain, the air does not move.
-        eastward, northward = (np.nan_to_num(w) for w in self.series.winds(altitude_m))
-        return Wind(
-            eastward,
-            northward,
-            *_axes(self.series.cubes[0].data),
-            time_s=self.series.seconds_from(origin),
-            radius_m=EARTH_RADIUS_M + altitude_m,
+            wind_at(self.series, altitude_m, time),
+            hours=hours,
+            resolution_deg=MAP_STEP_DEG,
         )
 
 
@@ -294,23 +283,6 @@ class DisplacedMask:
         source = self.displacement.upwind(up(latitude_deg, longitude_deg))
         φ = np.degrees(np.arcsin(np.clip(source[..., 2], -1, 1)))
         return self.mask(φ, np.degrees(np.arctan2(source[..., 1], source[..., 0])))
-
-
-def fractions_at(
-    level, conditions: Conditions, omega_sign: float = -1.0
-) -> Float[np.ndarray, "lat lon"]:
-    """Cloud fraction of a class from the weather at its altitude; NaN under ground."""
-    humidity, temperature, omega = (
-        jnp.asarray(level[name].to_numpy(), float) for name in ("r", "t", "w")
-    )
-    fraction = cloud_fraction(
-        conditions,
-        jnp.clip(humidity / 100, 0, 1),
-        temperature,
-        omega,
-        omega_sign=omega_sign,
-    )
-    return np.where(np.isnan(humidity), np.nan, np.asarray(fraction, float))
 
 
 def _winds(one: CloudClass) -> set[tuple[float, float]]:
