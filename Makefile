@@ -42,7 +42,7 @@ $(VENV)/installed: pyproject.toml | $(BIN)/python
 
 $(VENV)/installed-dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --editable . --group test --group oracles --group lint
+	$(BIN)/python -m pip install --quiet --editable . --group test --group oracles --group tools --group lint
 	touch $@ $(VENV)/installed
 
 clean:
