@@ -17,6 +17,7 @@ from cloudjax import (
     BandRadiances,
     CloudFunction,
     EmissiveBands,
+    EmittingSlabs,
     FractalCloud,
     InvertedWorley,
     Latent,
@@ -64,24 +65,30 @@ REFERENCE_BAND = 13
 
 @dataclass(frozen=True)
 class Light:
-    """A strategy for sunlight, and what extinction means to it.
+    """A strategy for light, and what extinction means to it.
 
     **Fields:**
 
-    - `reflection`: makes the strategy.
+    - `reflection`: makes the strategy for sunlight.
     - `share`: of the physical extinction that it calls extinction; absorption in the
       infrared is the physical one.
+    - `emission`: makes the strategy for thermal radiation.
     """
 
     reflection: Callable[[], AbstractReflection]
     share: float
+    emission: Callable[[], EmittingSlabs | None] = lambda: None
 
 
 LIGHTS = {
     # All extinction sends light back, which is (1 - g)/2 of it for g = 0.85
     # (docs/paper.md).
     "paper": Light(lambda: TwoFlux(indirect=jnp.asarray(0.3)), (1 - 0.85) / 2),
-    "physical": Light(lambda: Slabs(PlaneParallel.load()), 1.0),
+    "physical": Light(
+        lambda: Slabs(PlaneParallel.load()),
+        1.0,
+        lambda: EmittingSlabs(PlaneParallel.load()),
+    ),
 }
 
 
@@ -114,6 +121,7 @@ def build_scene(
         reflective=_reflective_bands(target.reflective),
         emissive=_emissive_bands(target.emissive),
         reflection=LIGHTS[light].reflection(),
+        emission=LIGHTS[light].emission() if target.emissive else None,
         temperature=(
             StandardAtmosphere(jnp.asarray(0.0))
             if analysis is None
@@ -126,6 +134,7 @@ def _layer(name: str, target: Target, seed: int, steps: int, share: float) -> La
     base, top, scale, extinction = START[name]
     particles: Particles = PARTICLES[name]
     sunlit = [b.number for b in target.reflective]
+    thermal = [b.number for b in target.emissive]
     function = CloudFunction(
         weights=jnp.asarray([1.0, 0.5, 0.5]),
         mask_gain=jnp.asarray(1.0),
@@ -150,9 +159,9 @@ def _layer(name: str, target: Target, seed: int, steps: int, share: float) -> La
         co_albedo=particles.co_albedo_in(sunlit),
         asymmetry=particles.asymmetry_in(sunlit),
         relative_extinction=particles.relative_extinction_in(sunlit),
-        relative_absorption=jnp.asarray(
-            particles.relative_absorption_in([b.number for b in target.emissive]), float
-        ),
+        relative_absorption=particles.relative_absorption_in(thermal),
+        thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
+        thermal_asymmetry=particles.thermal_asymmetry_in(thermal),
         name=name,
         steps=steps,
     )

@@ -135,6 +135,7 @@ class World:
             reflective=_reflective(reflective, distance_au),
             emissive=_emissive(emissive),
             reflection=LIGHTS[self.light].reflection(),
+            emission=LIGHTS[self.light].emission() if emissive else None,
             temperature=StandardAtmosphere(),
         )
 
@@ -311,6 +312,8 @@ def _layer(
         asymmetry=particles.asymmetry_in(sunlit),
         relative_extinction=particles.relative_extinction_in(sunlit),
         relative_absorption=particles.relative_absorption_in(thermal),
+        thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
+        thermal_asymmetry=particles.thermal_asymmetry_in(thermal),
         name=one.name,
         steps=steps,
     )

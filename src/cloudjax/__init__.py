@@ -46,6 +46,7 @@ from .cloud_class import ClassTexture as ClassTexture
 from .cloud_class import CloudClass as CloudClass
 from .cloud_class import cloud_classes as cloud_classes
 from .cloud_class import load_classes as load_classes
+from .emission import EmittingSlabs as EmittingSlabs
 from .fixed_grid import FixedGrid as FixedGrid
 from .footprint import POINT as POINT
 from .footprint import Footprint as Footprint

@@ -43,10 +43,18 @@ class March(eqx.Module):
         return before * -jnp.expm1(-extinction_per_m * self.segment_m)
 
     def transmittance(
-        self, extinction_per_m: Float[Array, ""]
+        self,
+        extinction_per_m: Float[Array, ""],
+        stopped: Float[Array, "nodes rays"] | None = None,
     ) -> Float[Array, "rays ends"]:
-        """Mean over sub-pixel structures, from the entry to the end of each step."""
-        through = self.mean(jnp.exp(-extinction_per_m * self.cloud_m))
+        """Mean over sub-pixel structures, from the entry to the end of each step.
+
+        **Arguments:** `stopped`: a factor on what is taken from the light.
+        """
+        through = jnp.exp(-extinction_per_m * self.cloud_m)
+        if stopped is not None:
+            through = 1 - stopped[..., None] * (1 - through)
+        through = self.mean(through)
         return jnp.concatenate([jnp.ones_like(through[:, :1]), through], axis=-1)
 
     def mean(self, per_node: Float[Array, "nodes *rest"]) -> Float[Array, "*rest"]:

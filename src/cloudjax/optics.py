@@ -68,14 +68,31 @@ class Particles(eqx.Module):
         rows = [_thermal(band) for band in bands]
         return jnp.exp(self._rows(0, rows) + self._rows(1, rows))
 
+    def thermal_co_albedo_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """1 - ω of thermal radiation; bands 7 to 16."""
+        return jnp.exp(self._rows(1, [_thermal(band) for band in bands]))
+
+    def thermal_asymmetry_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """Mean cosine of the scattering angle of thermal radiation; bands 7 to 16."""
+        return self._rows(2, [_thermal(band) for band in bands])
+
+    def effective_absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
+        """Of a pure absorber in place of the cloud, in m²/g: see `effective_share`."""
+        rows = [_thermal(band) for band in bands]
+        share = effective_share(
+            self.thermal_co_albedo_in(bands), self.thermal_asymmetry_in(bands)
+        )
+        return jnp.exp(self._rows(0, rows)) * share
+
     def relative_absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Of thermal radiation, over that at 10.35 µm (band 13)."""
-        return self.absorption_in(bands) / self.absorption_in([WINDOW_BAND])
+        """Effective, of thermal radiation, over that at 10.35 µm (band 13)."""
+        window = self.effective_absorption_in([WINDOW_BAND])
+        return self.effective_absorption_in(bands) / window
 
     @property
     def infrared_ratio(self) -> Float[Array, ""]:
-        """Absorption at 10.35 µm over extinction at 0.64 µm."""
-        window = self.absorption_in([WINDOW_BAND])
+        """Effective absorption at 10.35 µm over extinction at 0.64 µm."""
+        window = self.effective_absorption_in([WINDOW_BAND])
         return (window / self.extinction_in([REFERENCE_BAND]))[0]
 
     def water_content_g_m3(
@@ -93,6 +110,18 @@ class Particles(eqx.Module):
         polynomials = jnp.cos(np.arange(len(table.coefficients)) * jnp.arccos(x))
         coefficients = table.coefficients[:, quantity, np.array(rows, int)]
         return polynomials @ jnp.asarray(coefficients, float)
+
+
+def effective_share(
+    co_albedo: Float[Array, "*bands"], asymmetry: Float[Array, "*bands"]
+) -> Float[Array, "*bands"]:
+    """The share of extinction that a pure absorber needs to stand for a cloud.
+
+    1 - ω (1 - b): what is scattered back, the share b of all that is scattered, is lost
+    to the line of sight as well (Chou et al. 1999, J. Climate 12, 159, eqs 8 and 11).
+    """
+    backward = 0.5 - asymmetry * (0.3738 + asymmetry * (0.0076 + 0.1186 * asymmetry))
+    return 1 - (1 - co_albedo) * (1 - backward)
 
 
 def water(effective_radius_um: Float[Array, ""] | float) -> Particles:

@@ -78,13 +78,33 @@ class PlaneParallel(eqx.Module):
 
         Their sum is 1 without absorption.
         """
+        ratios = self._directional_ratios(optical_depth, co_albedo, phase, cosine)
+        return _reflected_and_transmitted(*ratios)
+
+    def emissivity_and_albedo(
+        self,
+        optical_depth: Float[Array, "*n"],
+        co_albedo: Float[Array, ""],
+        phase: AbstractPhase,
+        cosine: Float[Array, "*n"],
+    ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+        """What an isothermal slab emits, over Planck's radiance, and its albedo.
+
+        By Kirchhoff's law the emissivity is what the slab absorbs of a beam from there:
+        1 - R - T, here without the difference of large numbers.
+        """
+        ratios = self._directional_ratios(optical_depth, co_albedo, phase, cosine)
+        lost, _ = ratios
+        return lost / (1 + lost), _reflected_and_transmitted(*ratios)[0]
+
+    def _directional_ratios(self, optical_depth, co_albedo, phase, cosine):
         depth = jnp.minimum(optical_depth, LARGEST_DEPTH)
         g = _asymmetry(phase)
         cosine = above_horizon(cosine)
         features, saturation = _depth_features(depth, co_albedo, g)
         features = jnp.stack(features + _slant_features(depth, co_albedo, g, cosine))
         out = self.directional(_material(co_albedo, phase), features)
-        return _shares(out, depth, co_albedo, g, saturation)
+        return _ratios(out, depth, co_albedo, saturation)
 
     def spherical_albedo(
         self,
@@ -97,7 +117,8 @@ class PlaneParallel(eqx.Module):
         g = _asymmetry(phase)
         features, saturation = _depth_features(depth, co_albedo, g)
         out = self.spherical(_material(co_albedo, phase), jnp.stack(features))
-        return _shares(out, depth, co_albedo, g, saturation)[0]
+        ratios = _ratios(out, depth, co_albedo, saturation)
+        return _reflected_and_transmitted(*ratios)[0]
 
     def surface_share(
         self,
@@ -224,17 +245,21 @@ def _pair_features(depth, co_albedo, phase, sun, view, scattering):
     return jnp.stack(features), scale
 
 
-def _shares(out, depth, co_albedo, g, saturation):
-    """Reflected and transmitted shares from the logarithms of two ratios.
+def _ratios(out, depth, co_albedo, saturation):
+    """Absorbed to other light, and reflected to transmitted light.
 
-    Both ratios start from two streams: reflected to transmitted light as sinh(kτ)/k,
-    absorbed to other light as the length of the path.
+    Both start from two streams, absorbed to other light as the length of the path,
+    reflected to transmitted light as sinh(kτ)/k; the networks give what differs.
     """
     x2, seen = saturation
     growth = jnp.minimum(x2 / (1 + jnp.sqrt(1 + x2)), 25.0)
     log_turned, log_path = out
     turned = seen * jnp.exp(growth + log_turned)
-    kept = 1 / (1 + co_albedo * depth / jnp.sqrt(1 + x2) * jnp.exp(log_path))
+    return co_albedo * depth / jnp.sqrt(1 + x2) * jnp.exp(log_path), turned
+
+
+def _reflected_and_transmitted(lost, turned):
+    kept = 1 / (1 + lost)
     return kept * turned / (1 + turned), kept / (1 + turned)
 
 

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .atmosphere import AbstractTemperature
 from .bands import EmissiveBands, ReflectiveBands
+from .emission import EmittingSlabs
 from .geodesy import geodetic
 from .light import AbstractReflection, Scatterers
 from .path import Path, along_chord, device_array, points_along
@@ -34,11 +35,14 @@ class Layer(eqx.Module):
     - `extinction_per_m`: β within the cloud in reflective bands.
     - `infrared_ratio`: absorption over β at the emissive reference band.
     - `co_albedo`: 1 - ω in each reflective band.
-    - `relative_absorption`: of each emissive band, 1 at the reference band.
+    - `relative_absorption`: of each emissive band, 1 at the reference band; that of the
+      pure absorber that stands for the cloud (`Particles.effective_absorption_in`).
     - `steps`: of the march.
     - `asymmetry`: mean scattering cosine in each reflective band; for strategies that
       have a phase function.
     - `relative_extinction`: of each reflective band over β; None is one in all.
+    - `thermal_co_albedo`, `thermal_asymmetry`: 1 - ω and mean scattering cosine in each
+      emissive band; for scenes whose cloud scatters there.
     """
 
     cloud: AbstractCloudSource
@@ -50,6 +54,8 @@ class Layer(eqx.Module):
     steps: int = eqx.field(static=True, default=24)
     asymmetry: Float[Array, " reflective"] | None = None
     relative_extinction: Float[Array, " reflective"] | None = None
+    thermal_co_albedo: Float[Array, " emissive"] | None = None
+    thermal_asymmetry: Float[Array, " emissive"] | None = None
 
     @property
     def sunlit_per_m(self) -> Float[Array, " reflective"]:
@@ -66,11 +72,20 @@ class Layer(eqx.Module):
             self.co_albedo, none if self.asymmetry is None else self.asymmetry
         )
 
-    def absorption_per_m(self, band: int) -> Float[Array, ""]:
-        """In an emissive band, by its place in the scene."""
-        return self.extinction_per_m * (
-            self.infrared_ratio * self.relative_absorption[band]
-        )
+    @property
+    def absorptions_per_m(self) -> Float[Array, " emissive"]:
+        """Of the pure absorber in each emissive band."""
+        return self.extinction_per_m * (self.infrared_ratio * self.relative_absorption)
+
+    @property
+    def emitters(self) -> Scatterers:
+        """Its particles in each emissive band, where thermal scattering is asked."""
+        if self.thermal_co_albedo is None or self.thermal_asymmetry is None:
+            raise ValueError(
+                f"The layer {self.name} has no co-albedo or asymmetry in the thermal "
+                "bands: give both, or leave the scene's emission None."
+            )
+        return Scatterers(self.thermal_co_albedo, self.thermal_asymmetry)
 
 
 class BandRadiances(eqx.Module):
@@ -90,6 +105,7 @@ class Scene(eqx.Module):
       computation altogether.
     - `reflection`: the strategy for sunlight.
     - `temperature`: of the cloud, by altitude.
+    - `emission`: how cloud scatters thermal radiation; None takes it for an absorber.
     """
 
     layers: tuple[Layer, ...]
@@ -97,6 +113,7 @@ class Scene(eqx.Module):
     emissive: EmissiveBands | None
     reflection: AbstractReflection
     temperature: AbstractTemperature
+    emission: EmittingSlabs | None = None
 
     def __check_init__(self):
         if self.reflective is None and self.emissive is None:

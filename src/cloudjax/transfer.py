@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from .bands import EmissiveBands
+from .emission import Factors
 from .light import Illumination
 from .march import March, first_surface, march
 from .order import Place, Stretch, overlap, place
@@ -33,6 +34,11 @@ class _Seen(eqx.Module):
     path: Path
     passed: March
     places: tuple[Place | None, ...]
+
+    @property
+    def view_height(self) -> Float[Array, " rays"]:
+        """Cosine of the viewer's zenith angle at the entry."""
+        return jnp.abs(jnp.sum(self.path.entry_up * self.path.direction, axis=-1))
 
     def unhidden(
         self, profiles: Sequence[Float[Array, "rays nodes"]]
@@ -174,7 +180,7 @@ def _illumination(way: _Seen, sun: Float[Array, "3"]) -> Illumination:
         lit,
         shaded,
         sun_height=jnp.sum(way.path.entry_up * sun[None], axis=-1),
-        view_height=jnp.abs(jnp.sum(way.path.entry_up * way.path.direction, axis=-1)),
+        view_height=way.view_height,
         scattering=jnp.sum(way.path.direction * sun[None], axis=-1),
     )
 
@@ -182,7 +188,8 @@ def _illumination(way: _Seen, sun: Float[Array, "3"]) -> Illumination:
 def _emitted(scene: Scene, ways: Sequence[_Seen], background):
     """Emitted radiance of all cloud and its transmittance, [bands rays] both.
 
-    Emission is integrated along the ray at the temperature of each step's altitude.
+    Emission is integrated along the ray at the temperature of each step's altitude,
+    with what scattering changes where the scene asks for it.
     """
     bands = cast(EmissiveBands, scene.emissive)
     source, transmittance = [], []
@@ -194,19 +201,42 @@ def _emitted(scene: Scene, ways: Sequence[_Seen], background):
         )
         for way in ways
     ]
+    factors = [_scattering(scene, way) for way in ways]
     for band in range(background.shape[0]):
-        extinctions = [way.layer.absorption_per_m(band) for way in ways]
-        pairs = list(zip(ways, extinctions, strict=True))
-        profiles = [way.passed.transmittance(κ) for way, κ in pairs]
+        shares = [
+            _thermal_shares(way, band, changed)
+            for way, changed in zip(ways, factors, strict=True)
+        ]
+        profiles = [profile for _, profile in shares]
         total = jnp.zeros_like(background[band])
         through = jnp.ones_like(background[band])
-        for (way, κ), emitted, profile in zip(pairs, planck, profiles, strict=True):
-            seen = way.passed.mean(way.passed.absorbed(κ)) * way.unhidden(profiles)
-            total = total + jnp.sum(seen * emitted[band], axis=-1)
+        for way, emitted, (seen, profile) in zip(ways, planck, shares, strict=True):
+            unhidden = seen * way.unhidden(profiles)
+            total = total + jnp.sum(unhidden * emitted[band], axis=-1)
             through = through * profile[:, -1]
         source.append(total)
         transmittance.append(through)
     return jnp.stack(source), jnp.stack(transmittance)
+
+
+def _scattering(scene: Scene, way: _Seen) -> Factors | None:
+    """What scattering changes, [bands nodes rays]; None for pure absorbers."""
+    if scene.emission is None:
+        return None
+    depth = way.layer.absorptions_per_m[:, None, None] * way.passed.depth_m[None]
+    each_band = jax.vmap(scene.emission, in_axes=(0, 0, None))
+    return each_band(depth, way.layer.emitters, way.view_height)
+
+
+def _thermal_shares(way: _Seen, band: int, factors: Factors | None):
+    """Of Planck's radiance of each step, and the transmittance to the steps' ends."""
+    κ = way.layer.absorptions_per_m[band]
+    absorbed = way.passed.absorbed(κ)
+    if factors is None:
+        return way.passed.mean(absorbed), way.passed.transmittance(κ)
+    emitted, stopped = factors.emitted[band], factors.stopped[band]
+    seen = way.passed.mean(absorbed * emitted[..., None])
+    return seen, way.passed.transmittance(κ, stopped)
 
 
 def _under_air(source, transmittance, background, bands):
@@ -246,8 +276,7 @@ def products(scene: Scene, sampled: Sampled) -> CloudProducts:
     share = [jnp.zeros(rays) for _ in scene.layers]
     for i, way in zip(sampled.layer_of, ways, strict=True):
         β = way.layer.extinction_per_m
-        slant = jnp.abs((way.path.direction * way.path.entry_up).sum(-1))
-        vertical = β * way.passed.depth_m * slant[None]
+        vertical = β * way.passed.depth_m * way.view_height[None]
         squared = (vertical / VISIBLE_DEPTH) ** 2
         clear = clear * way.passed.mean(1 / (1 + squared))
         depth = depth + way.passed.mean(vertical)
