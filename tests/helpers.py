@@ -218,5 +218,5 @@ def arrays(seen: BandRadiances) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pixel(width_m: float, slant: float = 1.0) -> Footprint:
-    """A pixel above the pole of the ellipse's own axes, longer where seen aslant."""
-    return Footprint(width_m, width_m / slant, slant=slant)
+    """A pixel, longer along the first axis where seen aslant."""
+    return Footprint(width_m, width_m / slant)

@@ -1,4 +1,4 @@
-"""What a pixel averages: an ellipse on the level surface, seen along its ray.
+"""What a pixel averages: an ellipsoid about its line of sight.
 
 All rays of one image are sorted into a few kinds of footprint, whose textures are
 averaged once. The kinds are cells of a fixed grid in size and orientation, so that the
@@ -16,13 +16,15 @@ from .shell import Shell, chords, second_chords
 
 
 # Widths of one kind agree within a factor of √2, lengths over widths within 1.6,
-# verticals within some 14 degrees, directions within 23 where that is above 1.27.
+# directions within some 14 degrees where that is above 1.27.
 _WIDTHS_PER_OCTAVE = 2.0
 _STRETCHES_PER_OCTAVE = 1.5
-_VERTICAL_CELL = 0.5
-_DIRECTIONS = 4
+_DIRECTION_CELL = 0.5
 # At the limb a footprint has no end. 6 times its width is 10 degrees above it.
 _LONGEST = 6.0
+# An average over the whole of the box takes too much of the vertical structure that the
+# ray resolves: measured against many hard rays per pixel (docs/decisions.md).
+_SHARPNESS = 0.8
 # Way over the ground within which winds and masks are as good as linear, and the knots
 # of longer ways.
 _KNOT_SPACING_M = 60e3
@@ -33,34 +35,42 @@ _MANY_KNOTS = 9
 class Footprint:
     """A kind of pixel.
 
+    A ray passes over the structure within its pixel at all heights, but textures are as
+    blunt upwards as across: waves much shorter than the pixel that survive an average
+    over its level surface alone are too few to matter, and without them a texture needs
+    no more voxels than pixels (docs/decisions.md).
+
     **Fields:**
 
-    - `width_m`, `length_m`: across and along the direction of view, on a level surface.
-    - `vertical`, `along`: the axes of that surface, unit vectors, ECEF; of the ellipse.
-    - `slant`: cosine of the ray to the vertical.
+    - `width_m`: across the direction of view, and upwards.
+    - `length_m`: along the direction of view, on a level surface.
+    - `along`: that direction, unit vector, ECEF.
     """
 
     width_m: float
     length_m: float
-    vertical: tuple[float, float, float] = (0.0, 0.0, 1.0)
     along: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    slant: float = 1.0
 
     @property
     def covariance_m2(self) -> Float[np.ndarray, "3 3"]:
-        """Of a uniform box with the widths of the ellipse: width²/12 on each axis."""
+        """Of the average: 0.64 of a uniform box of these lengths, width²/12."""
         along = np.array(self.along)
-        across = np.cross(self.vertical, along)
-        return (
-            self.length_m**2 * np.outer(along, along)
-            + self.width_m**2 * np.outer(across, across)
-        ) / 12
+        longer = self.length_m**2 - self.width_m**2
+        box = (self.width_m**2 * np.eye(3) + longer * np.outer(along, along)) / 12
+        return _SHARPNESS**2 * box
+
+    @property
+    def slant(self) -> float:
+        """Cosine of the ray to the vertical."""
+        return self.width_m / self.length_m if self.length_m else 1.0
 
     @property
     def view(self) -> Float[np.ndarray, "3"]:
-        """A direction of view of that slant, either way along the ray."""
-        sine = np.sqrt(max(1 - self.slant**2, 0.0))
-        return self.slant * np.array(self.vertical) - sine * np.array(self.along)
+        """A direction at the angle to `along` that rays have."""
+        along = np.array(self.along)
+        vertical = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        vertical /= np.linalg.norm(vertical)
+        return self.slant * vertical - np.sqrt(1 - self.slant**2) * along
 
 
 POINT = Footprint(0.0, 0.0)
@@ -84,7 +94,7 @@ class Kind:
 
 def kinds(
     rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80
-) -> Int[np.ndarray, "rays 8"]:
+) -> Int[np.ndarray, "rays 7"]:
     """The kind of each ray, as cells of the fixed grid; `kind_of` reads a row.
 
     **Arguments:** `shell`: the air that holds all cloud.
@@ -93,18 +103,18 @@ def kinds(
     middle = chord.entry_m + chord.length_m / 2
     latitude, longitude, _ = geodetic(rays.at(middle), ellipsoid)
     vertical = up(latitude, longitude)
-    cell = np.round(vertical / _VERTICAL_CELL)
-    slant = np.abs((vertical * rays.direction).sum(-1))
+    slant = (vertical * rays.direction).sum(-1)
     width = rays.pixel_rad * np.maximum(middle, 1.0)
-    stretch = np.minimum(1 / np.maximum(slant, 1e-9), _LONGEST)
+    stretch = np.minimum(1 / np.maximum(np.abs(slant), 1e-9), _LONGEST)
     rung = np.round(_STRETCHES_PER_OCTAVE * np.log2(stretch))
-    far = np.maximum(chord.length_m, again.length_m) * np.sqrt(1 - slant**2)
+    level = np.sqrt(np.maximum(1 - slant**2, 1e-12))
+    along = (rays.direction - slant[:, None] * vertical) / level[:, None]
+    far = np.maximum(chord.length_m, again.length_m) * level
     return np.stack(
         [
             np.round(_WIDTHS_PER_OCTAVE * np.log2(width)),
             rung,
-            *cell.T,
-            np.where(rung > 0, _heading(rays.direction, cell), 0),
+            *np.where(rung > 0, _direction_cell(along).T, 0),
             np.where(far > _KNOT_SPACING_M, _MANY_KNOTS, 2),
             again.length_m > 0,
         ],
@@ -112,35 +122,22 @@ def kinds(
     ).astype(np.int64)
 
 
-def kind_of(row: Int[np.ndarray, "8"]) -> Kind:
+def kind_of(row: Int[np.ndarray, "7"]) -> Kind:
     """The kind at the middle of a cell."""
     width = 2.0 ** (row[0] / _WIDTHS_PER_OCTAVE)
-    stretch = 2.0 ** (row[1] / _STRETCHES_PER_OCTAVE)
-    vertical = row[2:5] / np.linalg.norm(row[2:5])
-    angle = np.pi * row[5] / _DIRECTIONS
-    east, north = _level_axes(vertical[None])
-    along = np.cos(angle) * north[0] + np.sin(angle) * east[0]
-    footprint = Footprint(
-        float(width),
-        float(width * stretch),
-        tuple(vertical.tolist()),
-        tuple(along.tolist()),
-        float(1 / stretch),
-    )
-    return Kind(footprint, int(row[6]), bool(row[7]))
+    if row[1] == 0:
+        footprint = Footprint(float(width), float(width))
+    else:
+        stretch = 2.0 ** (row[1] / _STRETCHES_PER_OCTAVE)
+        along = row[2:5] / np.linalg.norm(row[2:5])
+        footprint = Footprint(
+            float(width), float(width * stretch), tuple(along.tolist())
+        )
+    return Kind(footprint, int(row[5]), bool(row[6]))
 
 
-def _heading(direction, cell):
-    """Which of the directions on the level surface, of which opposite ones are one."""
-    east, north = _level_axes(cell / np.linalg.norm(cell, axis=-1, keepdims=True))
-    angle = np.arctan2((direction * east).sum(-1), (direction * north).sum(-1))
-    return np.round(angle / np.pi * _DIRECTIONS) % _DIRECTIONS
-
-
-def _level_axes(vertical):
-    """East and north; at a pole those of a neighbour."""
-    east = np.stack(
-        [-vertical[:, 1], vertical[:, 0] + 1e-9, np.zeros(len(vertical))], axis=-1
-    )
-    east /= np.linalg.norm(east, axis=-1, keepdims=True)
-    return east, np.cross(vertical, east)
+def _direction_cell(along: Float[np.ndarray, "rays 3"]) -> Float[np.ndarray, "rays 3"]:
+    """Of a cube's surface, for a direction is the same forwards and backwards."""
+    cell = np.round(along / _DIRECTION_CELL)
+    first = np.take_along_axis(cell, (cell != 0).argmax(-1)[:, None], axis=-1)
+    return cell * np.sign(first)

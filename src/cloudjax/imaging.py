@@ -210,7 +210,7 @@ def _tiles(
         ]
     )  # fmt: skip
     if alike:
-        rows[:, 6:] = 2, 0
+        rows[:, 5:] = 2, 0
     found, kind_of_ray = np.unique(rows, axis=0, return_inverse=True)
     tile = min(tile, max(count, 1))
     order = np.argsort(kind_of_ray, kind="stable")

@@ -17,6 +17,10 @@ from jaxtyping import Array, Complex, Float
 from .footprint import POINT, Footprint
 
 
+# Of an averaged texture: the Gaussian is down to 1/60 at two voxels per wave.
+_VOXELS_PER_WIDTH = 4.0
+
+
 class Unresolved(eqx.Module):
     """What averaging over the footprint took from a texture, as variances.
 
@@ -178,8 +182,7 @@ def make_texture(
     - `resolution`: voxels per axis.
     - `length_scale_m`: the period.
     - `footprint`: of the pixels. The average is a Gaussian with the variances of a box
-      of that size on the level surface; the vertical stays as sharp as it is, for rays
-      resolve it.
+      of that size, and leaves as few voxels as hold it.
     - `way_m`: within how much of a ray the common part of what is lost is common.
     """
     if fractal.finest_cells * 2 > resolution:
@@ -193,48 +196,98 @@ def make_texture(
         jnp.asarray(footprint.view * way_m / length_scale_m, float),
         jnp.asarray(length_scale_m, float),
         resolution,
+        _voxels_for(footprint.width_m / length_scale_m, resolution),
     )
 
 
+def _voxels_for(width: float, resolution: int) -> int:
+    """Per axis, for a footprint of a width in periods: of a few sizes."""
+    needed = _VOXELS_PER_WIDTH / max(width, 1e-9)
+    sizes = [s for i in range(3, 16) for s in (2**i, 3 * 2 ** (i - 1))]
+    return min((s for s in sizes if needed <= s < resolution), default=resolution)
+
+
+class _Spectrum(eqx.Module):
+    """A texture before it is averaged.
+
+    **Fields:**
+
+    - `waves`: of mean 0, for an interpolant of variance 1.
+    - `power`: by the number of waves per period, in all directions together.
+    - `slope`: mean square of a component of the gradient, per period.
+    """
+
+    waves: Complex[Array, "n n m"]
+    power: Float[Array, " shells"]
+    slope: Float[Array, ""]
+
+    def common(self, way: Float[Array, "3"]) -> Float[Array, ""]:
+        """The share of a stretch's variance that all its points have in common.
+
+        Two points have the correlation of the field at their distance; its mean over
+        all pairs is sinc²(k·way) for each wave, and textures are alike in all
+        directions.
+        """
+        cosines = (jnp.arange(32) + 0.5) / 32
+        length = jnp.sqrt(jnp.sum(way**2))
+        k = jnp.arange(self.power.shape[0])
+        means = jnp.sinc(jnp.outer(k, cosines * length)) ** 2
+        return jnp.sum(self.power * means.mean(-1))
+
+
 @ft.lru_cache(maxsize=32)
-def _spectrum(fractal: Fractal, seed: int, resolution: int):
-    """Of the texture of mean 0 whose trilinear interpolant has variance 1."""
-    spectrum = jnp.fft.rfftn(fractal.field(seed, resolution)).at[0, 0, 0].set(0)
-    return spectrum / jnp.sqrt(jnp.sum(_power(spectrum, resolution)))
+def _spectrum(fractal: Fractal, seed: int, resolution: int) -> _Spectrum:
+    waves = jnp.fft.rfftn(fractal.field(seed, resolution)).at[0, 0, 0].set(0)
+    waves = waves / jnp.sqrt(jnp.sum(_power(waves / resolution**3)))
+    power = _power(waves / resolution**3)
+    shell = jnp.round(jnp.sqrt(sum(k**2 for k in _waves(resolution)))).astype(int)
+    return _Spectrum(
+        waves,
+        jnp.zeros(resolution).at[shell].add(power),
+        jnp.sum(power * _steepness(resolution)),
+    )
 
 
-@ft.partial(jax.jit, static_argnames="n")
+@ft.partial(jax.jit, static_argnames=("n", "voxels"))
 def _averaged(
-    spectrum: Complex[Array, "n n m"],
+    spectrum: _Spectrum,
     covariance: Float[Array, "3 3"],
     way: Float[Array, "3"],
     length_scale_m: Float[Array, ""],
     n: int,
+    voxels: int,
 ) -> Texture:
-    """Multiply by the Gaussian exp(-2π² kᵀΣk), and add up what that removes.
+    """Multiply by the Gaussian exp(-2π² kᵀΣk), and add up what is left.
 
-    Two points of a ray have the correlation of the lost field at their distance; its
-    mean over all pairs within `way` is the common share, sinc²(k·way) for each wave.
+    Fewer voxels hold the waves that they can, and what those blunt is lost as well.
     """
-    k = _waves(n)
+    k = _waves(voxels)
     squares = sum(covariance[a, b] * k[a] * k[b] for a in range(3) for b in range(3))
-    transfer = jnp.exp(-2 * jnp.pi**2 * squares)
-    lost = _power(spectrum, n) * (1 - transfer**2)
+    waves = _lowest(spectrum.waves, n, voxels) * jnp.exp(-2 * jnp.pi**2 * squares)
+    kept = _power(waves / n**3)
     common = jnp.sinc(way[0] * k[0] + way[1] * k[1] + way[2] * k[2]) ** 2
-    # Differences between nodes are the interpolant's slopes, of no blunting along them.
-    steep = sum(
-        (2 * n * jnp.sin(jnp.pi * axis / n)) ** 2 / _blunting(axis, n) for axis in k
-    )
-    total = jnp.clip(jnp.sum(lost), 0, 1)
-    shared = jnp.clip(jnp.sum(lost * common), 0, total)
+    lost = jnp.clip(1 - jnp.sum(kept), 0, 1)
+    shared = jnp.clip(spectrum.common(way) - jnp.sum(kept * common), 0, lost)
+    slope = jnp.maximum(spectrum.slope - jnp.sum(kept * _steepness(voxels)), 0)
     return Texture(
-        jnp.fft.irfftn(spectrum * transfer, s=(n, n, n)),
-        Unresolved(
-            common=shared,
-            own=total - shared,
-            slope=jnp.sum(lost * steep) / (3 * length_scale_m**2),
-        ),
+        jnp.fft.irfftn(waves * (voxels / n) ** 3, s=(voxels,) * 3),
+        Unresolved(common=shared, own=lost - shared, slope=slope / length_scale_m**2),
     )
+
+
+def _lowest(spectrum: Complex[Array, "n n m"], n: int, voxels: int):
+    """The waves that so many voxels hold, without those of two voxels per wave."""
+    if voxels == n:
+        return spectrum
+    half = voxels // 2
+    for axis in (0, 1):
+        low, high = (
+            jax.lax.slice_in_dim(spectrum, *ends, axis=axis)
+            for ends in ((0, half), (n - half, n))
+        )
+        first = (slice(None),) * axis + (slice(1),)
+        spectrum = jnp.concatenate([low, high.at[first].set(0)], axis)
+    return spectrum[..., : half + 1].at[..., half].set(0)
 
 
 def _waves(n: int):
@@ -242,17 +295,27 @@ def _waves(n: int):
     return jnp.meshgrid(*k, indexing="ij", sparse=True)
 
 
-def _power(spectrum: Complex[Array, "n n m"], n: int) -> Float[Array, "n n m"]:
+def _power(amplitude: Complex[Array, "n n m"]) -> Float[Array, "n n m"]:
     """What each wave adds to the variance of the trilinear interpolant.
 
     Not only at the nodes: along one axis the mean of ((1-t) a + t b)² over t is
     (2 R₀ + R₁)/3 with the autocorrelations R, which multiplies the power of a wave by
     (2 + cos(2πk/n))/3. A real transform holds most waves once for two.
     """
+    n = amplitude.shape[0]
     k = _waves(n)
     blunted = _blunting(k[0], n) * _blunting(k[1], n) * _blunting(k[2], n)
     twice = jnp.where((k[2] == 0) | (2 * k[2] == n), 1.0, 2.0)
-    return twice * blunted * jnp.abs(spectrum / n**3) ** 2
+    return twice * blunted * jnp.abs(amplitude) ** 2
+
+
+def _steepness(n: int) -> Float[Array, "n n m"]:
+    """Mean square of a component of the interpolant's slope over its variance.
+
+    Differences between nodes are the slopes, of no blunting along them.
+    """
+    k = _waves(n)
+    return sum((2 * n * jnp.sin(jnp.pi * q / n)) ** 2 / _blunting(q, n) for q in k) / 3
 
 
 def _blunting(k, n: int):
