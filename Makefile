@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
 
-.PHONY: demo test test-slow lint check bench-tradeoff bench-footprint bench-large-image clean
+.PHONY: demo test test-slow lint check bench bench-tradeoff bench-footprint bench-large-image clean
 
 demo: $(VENV)/installed
 	$(BIN)/cloudjax demo -o out/demo
@@ -23,6 +23,9 @@ lint: $(VENV)/installed-dev
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 check: lint test
+
+bench: $(VENV)/installed-peers
+	$(BIN)/python benchmarks/bench.py -o out/bench
 
 bench-tradeoff: $(VENV)/installed
 	$(BIN)/python benchmarks/tradeoff.py -o out/tradeoff
@@ -43,6 +46,11 @@ $(VENV)/installed: pyproject.toml | $(BIN)/python
 $(VENV)/installed-dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	$(BIN)/python -m pip install --quiet --editable . --group test --group oracles --group tools --group lint
+	touch $@ $(VENV)/installed
+
+$(VENV)/installed-peers: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
+	$(BIN)/python -m pip install --quiet --editable . --group peers
 	touch $@ $(VENV)/installed
 
 clean:

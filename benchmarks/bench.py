@@ -1,0 +1,97 @@
+"""cloudjax beside its peers, on this machine: python benchmarks/bench.py [-o DIR]
+
+Renders the full discs of the paper's Table 3 with cloudjax and by the paper's algorithm
+in JAX, in numba and in Dr.Jit, and measures time, memory and the error against a
+converged truth; then displacement maps. Writes bench.json and bench.md (tables) to DIR;
+docs/benchmark.md says how to read them.
+"""
+
+import argparse
+import importlib
+import importlib.util
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from parts.sizes import QUICK, Context, Sizes
+from peers import llvm
+
+
+# Imported where they run: the processes of the peers import this file, too.
+PARTS = ("table3", "displacement")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/bench"))
+    parser.add_argument("--quick", action="store_true", help="small sizes: a test")
+    parser.add_argument(
+        "--only", default=",".join(PARTS), help=f"some of {','.join(PARTS)}"
+    )
+    options = parser.parse_args()
+    chosen = options.only.split(",")
+    if unknown := [name for name in chosen if name not in PARTS]:
+        parser.error(f"there is no part {unknown[0]!r}: choose of {', '.join(PARTS)}")
+    options.output.mkdir(parents=True, exist_ok=True)
+    found = run(chosen, QUICK if options.quick else Sizes(), options.quick)
+    (options.output / "bench.json").write_text(json.dumps(found, indent=2) + "\n")
+    (options.output / "bench.md").write_text(tables(found), encoding="utf-8")
+    print(tables(found))
+
+
+def run(chosen: list[str], sizes: Sizes, quick: bool) -> dict:
+    started = time.perf_counter()
+
+    from parts.facts import low_cloud_fraction, machine
+
+    def log(message: str) -> None:
+        seconds = time.perf_counter() - started
+        print(f"[{seconds:6.0f} s] {message}", file=sys.stderr, flush=True)
+
+    found: dict = {"machine": machine(), "notes": []}
+    peers = ["brute_jax"] if quick else installed_peers(found["notes"])
+    fraction, note = low_cloud_fraction(generated=quick)
+    found["notes"].append(note)
+    for note in found["notes"]:
+        log(note)
+    context = Context(sizes, tuple(peers), fraction, log)
+    found["parts"] = {name: _part(name).run(context) for name in chosen}
+    found["seconds"] = time.perf_counter() - started
+    return found
+
+
+def _part(name: str):
+    return importlib.import_module(f"parts.{name}")
+
+
+def installed_peers(notes: list[str]) -> list[str]:
+    """Those that can run here; of the others `notes` say what is missing."""
+    peers = ["brute_jax"]
+    if importlib.util.find_spec("numba"):
+        peers.append("brute_numba")
+    else:
+        notes.append("numba is left out: install it with the group `peers`.")
+    if importlib.util.find_spec("drjit") is None:
+        notes.append("Dr.Jit is left out: install it with the group `peers`.")
+    elif (library := llvm.find()) is None:
+        notes.append(
+            "Dr.Jit is left out, for it needs LLVM 19: install Debian's libllvm19, or "
+            "set DRJIT_LIBLLVM_PATH to the library."
+        )
+    else:
+        os.environ["DRJIT_LIBLLVM_PATH"] = library
+        peers.append("brute_drjit")
+    return peers
+
+
+def tables(found: dict) -> str:
+    facts = [f"- {name}: {value}" for name, value in found["machine"].items()]
+    notes = [f"- {note}" for note in found["notes"]]
+    parts = [_part(name).tables(part) for name, part in found["parts"].items()]
+    return "\n".join([*facts, *notes, "", *parts])
+
+
+if __name__ == "__main__":
+    main()

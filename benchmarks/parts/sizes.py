@@ -1,0 +1,61 @@
+"""What all parts are given: how large their work is, and what is at hand."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The sizes of a whole run, unless said otherwise.
+
+    **Fields:**
+
+    - `disc`: pixels, voxels and steps of the only full disc; None for Table 3.
+    - `presets`: steps and nodes of cloudjax.
+    - `truth_pixels`, `truth_parts`, `truth_steps`, `truth_voxels`: a random choice of
+      pixels, hard rays per pixel and axis, steps, voxels per axis.
+    - `map_degrees`, `map_steps`: of the displacement map.
+    - `repeats`: of what is timed.
+    """
+
+    disc: tuple[int, int, int] | None = None
+    presets: tuple[tuple[int, int], ...] = ((6, 1), (6, 3), (8, 3), (12, 3), (25, 5))
+    truth_pixels: int = 2000
+    truth_parts: int = 8
+    truth_steps: int = 200
+    truth_voxels: int = 256
+    map_degrees: float = 0.25
+    map_steps: int = 40
+    repeats: int = 3
+
+
+QUICK = Sizes(
+    disc=(24, 32, 8),
+    presets=((6, 3),),
+    truth_pixels=200,
+    truth_parts=2,
+    truth_steps=16,
+    truth_voxels=32,
+    map_degrees=5.0,
+    map_steps=8,
+    repeats=1,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """A run of the benchmark.
+
+    **Fields:**
+
+    - `peers`: modules of those that can run here.
+    - `fraction`: of low cloud over the globe, [lat lon].
+    - `log`: says what is going on.
+    """
+
+    sizes: Sizes
+    peers: tuple[str, ...]
+    fraction: np.ndarray
+    log: Callable[[str], None]

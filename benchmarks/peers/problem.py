@@ -1,0 +1,167 @@
+"""The scene of the paper's Table 3: a full disc through one shell of low cloud."""
+
+import dataclasses
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from cloudjax import (
+    BandRadiances,
+    FixedGrid,
+    FractalCloud,
+    InvertedWorley,
+    Latent,
+    Layer,
+    MaskGrid,
+    Rays,
+    ReflectiveBands,
+    Scene,
+    StandardAtmosphere,
+    TwoFlux,
+    Weather,
+    cloud_classes,
+    make_texture,
+)
+from cloudjax.geodesy import up
+
+from .work import Clouds, Mask, Work
+
+
+CLASS, SEED = "low_cumulus", 0
+LONGITUDE_DEG = 0.0
+# Over the south Atlantic: day in the west and in the middle, night in the east.
+SUN = up(np.array(-21.0), np.array(-30.0))
+INDIRECT = 0.3
+# Of the physical extinction, what the paper's slab calls extinction (docs/paper.md).
+SHARE = (1 - 0.85) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A picture, as small numbers that every process can make it from.
+
+    **Fields:**
+
+    - `pixels`: per side of the full disc.
+    - `voxels`: per axis of the textures.
+    - `steps`: of the peers through the shell.
+    - `fraction`: of low cloud, [lat lon], ascending from pole to pole and from 0 E.
+    """
+
+    pixels: int
+    voxels: int
+    steps: int
+    fraction: np.ndarray
+
+    def grid(self, parts: int = 1) -> FixedGrid:
+        """The full disc, each pixel cut into parts²."""
+        whole = FixedGrid.abi_full_disc(10.0, LONGITUDE_DEG)
+        width = abs(float(whole.x_rad[1] - whole.x_rad[0])) * len(whole.x_rad)
+        count = self.pixels * parts
+        axis = ((np.arange(count) + 0.5) / count - 0.5) * width
+        return dataclasses.replace(whole, x_rad=axis, y_rad=-axis)
+
+    def sub_rays(self, pixels: np.ndarray, parts: int) -> Rays:
+        """The parts² rays of each of these pixels, one pixel after the other."""
+        row, column = np.divmod(pixels, self.pixels)
+        a, b = np.divmod(np.arange(parts**2), parts)
+        rows, columns = (
+            (first[:, None] * parts + second).ravel()
+            for first, second in ((row, a), (column, b))
+        )
+        return self.grid(parts).rays(rows * self.pixels * parts + columns)
+
+    @property
+    def mask(self) -> MaskGrid:
+        rows, columns = self.fraction.shape
+        latitude = np.linspace(-90, 90, rows)
+        return MaskGrid.from_fraction(
+            self.fraction, latitude, np.arange(columns) * (360 / columns)
+        )
+
+    def work(self, rays: Rays) -> Work:
+        """The same for the peers."""
+        cloud = self.cloud
+        f = cloud.function
+        voxels = tuple(
+            np.array(make_texture(fractal, cloud.seed + i, self.voxels).voxels)
+            for i, fractal in enumerate(cloud.fractals)
+        )
+        mask = self.mask
+        lat, lon = mask.grid.latitude, mask.grid.longitude
+        return Work(
+            origin_m=np.array(rays.origin_m[0]),
+            direction=rays.direction.astype(np.float32),
+            sun=SUN,
+            indirect=INDIRECT,
+            clouds=Clouds(
+                voxels=voxels,
+                period_m=cloud.length_scales_m,
+                weight=tuple(float(m) for m in f.weights),
+                mask=Mask(
+                    np.array(mask.mask), (lat.first, lon.first), (lat.step, lon.step)
+                ),
+                mask_gain=float(f.mask_gain),
+                threshold=float(f.threshold),
+                base_m=float(f.base_m),
+                top_m=float(f.top_m),
+                barrier_scale_m=float(f.barrier_scale_m),
+                bottom_m=cloud.shell.bottom_m,
+                ceiling_m=cloud.shell.top_m,
+                extinction_per_m=extinction_per_m(),
+            ),
+            steps=self.steps,
+        )
+
+    @property
+    def cloud(self) -> FractalCloud:
+        """The class, with as many octaves as the voxels can hold."""
+        cloud = cloud_classes()[CLASS].cloud(SEED)
+
+        def held(fractal):
+            if isinstance(fractal, InvertedWorley):
+                return fractal
+            most = int(np.log2(self.voxels / (2 * fractal.cells))) + 1
+            return dataclasses.replace(fractal, octaves=min(fractal.octaves, most))
+
+        return dataclasses.replace(cloud, fractals=tuple(map(held, cloud.fractals)))
+
+    def scene(self, steps: int, nodes: int) -> Scene:
+        """The same for cloudjax, in one band whose radiance is the reflectance."""
+        cloud = dataclasses.replace(self.cloud, latent=Latent.gauss_hermite(nodes))
+        layer = Layer(
+            cloud=cloud,
+            extinction_per_m=jnp.asarray(extinction_per_m()),
+            infrared_ratio=jnp.asarray(0.0),
+            co_albedo=jnp.zeros(1),
+            relative_absorption=jnp.zeros(0),
+            name=CLASS,
+            steps=steps,
+        )
+        bands = ReflectiveBands((2,), jnp.ones(1), path=jnp.zeros(1), gain=jnp.ones(1))
+        light = TwoFlux(jnp.asarray(INDIRECT))
+        return Scene((layer,), bands, None, light, StandardAtmosphere())
+
+    def weather(self) -> Weather:
+        return Weather(masks=(self.mask,))
+
+
+def extinction_per_m() -> float:
+    return SHARE * cloud_classes()[CLASS].extinction_per_m
+
+
+def dark(index) -> BandRadiances:
+    """Nothing behind the clouds."""
+    return BandRadiances(jnp.zeros((1, len(index))), None)
+
+
+def generated_fraction() -> np.ndarray:
+    """Waves of weather where there is no analysis, a third of it cloudy."""
+    latitude = np.radians(np.linspace(-90, 90, 73))[:, None]
+    longitude = np.radians(np.arange(0, 360, 2.5))[None]
+    waves = sum(
+        np.cos(m * longitude + n * latitude + m * n)
+        for m, n in ((2, 5), (3, -7), (5, 11), (7, -4))
+    )
+    return np.clip(0.33 + 0.25 * waves * np.cos(latitude) ** 2, 0, 1)

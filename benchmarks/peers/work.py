@@ -1,0 +1,64 @@
+"""What every peer is given: plain numpy, so that none brings the tools of another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+EQUATOR_M, POLE_M = 6378137.0, 6356752.31414
+ECCENTRICITY2 = 1 - (POLE_M / EQUATOR_M) ** 2
+
+
+@dataclass(frozen=True, eq=False)
+class Mask:
+    """A weather mask on a grid round the Earth.
+
+    **Fields:** `values`: [lat, lon]. `first_deg`, `step_deg`: latitude and longitude.
+    """
+
+    values: np.ndarray
+    first_deg: tuple[float, float]
+    step_deg: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Clouds:
+    """One shell of the paper's clouds: eq. (1) and the extinction of eq. (3).
+
+    **Fields:**
+
+    - `voxels`: of each texture, [n n n] float32; `period_m`, `weight` of each.
+    - `bottom_m`, `ceiling_m`: of the shell that is marched.
+    """
+
+    voxels: tuple[np.ndarray, ...]
+    period_m: tuple[float, ...]
+    weight: tuple[float, ...]
+    mask: Mask
+    mask_gain: float
+    threshold: float
+    base_m: float
+    top_m: float
+    barrier_scale_m: float
+    bottom_m: float
+    ceiling_m: float
+    extinction_per_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """A picture to render.
+
+    **Fields:**
+
+    - `origin_m`: of all rays, ECEF; `direction`: [rays, 3] unit vectors, float32.
+    - `sun`: unit vector towards it.
+    - `indirect`: share of the light that comes from everywhere above (section 2.3).
+    """
+
+    origin_m: np.ndarray
+    direction: np.ndarray
+    sun: np.ndarray
+    indirect: float
+    clouds: Clouds
+    steps: int
