@@ -2,8 +2,9 @@
 
 Renders the full discs of the paper's Table 3 with cloudjax and by the paper's algorithm
 in JAX, in numba and in Dr.Jit, and measures time, memory and the error against a
-converged truth; then displacement maps. Writes bench.json and bench.md (tables) to DIR;
-docs/benchmark.md says how to read them.
+converged truth; then displacement maps, derivatives, a fit, and how cost grows. Writes
+bench.json, bench.md (tables) and bench.png to DIR; docs/benchmark.md says how to read
+them.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import json
 import os
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from parts.sizes import QUICK, Context, Sizes
@@ -20,28 +22,30 @@ from peers import llvm
 
 
 # Imported where they run: the processes of the peers import this file, too.
-PARTS = ("table3", "displacement")
+PARTS = ("table3", "displacement", "derivatives", "fitting", "scaling", "startup")
+# The others compile for minutes, whatever their size.
+QUICK_PARTS = ("table3", "displacement", "startup")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, default=Path("out/bench"))
     parser.add_argument("--quick", action="store_true", help="small sizes: a test")
-    parser.add_argument(
-        "--only", default=",".join(PARTS), help=f"some of {','.join(PARTS)}"
-    )
+    parser.add_argument("--only", help=f"some of {','.join(PARTS)}")
     options = parser.parse_args()
-    chosen = options.only.split(",")
+    every = QUICK_PARTS if options.quick else PARTS
+    chosen = options.only.split(",") if options.only else every
     if unknown := [name for name in chosen if name not in PARTS]:
         parser.error(f"there is no part {unknown[0]!r}: choose of {', '.join(PARTS)}")
     options.output.mkdir(parents=True, exist_ok=True)
     found = run(chosen, QUICK if options.quick else Sizes(), options.quick)
     (options.output / "bench.json").write_text(json.dumps(found, indent=2) + "\n")
     (options.output / "bench.md").write_text(tables(found), encoding="utf-8")
+    _part("figure").draw(found["parts"], options.output / "bench.png")
     print(tables(found))
 
 
-def run(chosen: list[str], sizes: Sizes, quick: bool) -> dict:
+def run(chosen: Sequence[str], sizes: Sizes, quick: bool) -> dict:
     started = time.perf_counter()
 
     from parts.facts import low_cloud_fraction, machine

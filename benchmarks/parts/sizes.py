@@ -17,17 +17,34 @@ class Sizes:
     - `truth_pixels`, `truth_parts`, `truth_steps`, `truth_voxels`: a random choice of
       pixels, hard rays per pixel and axis, steps, voxels per axis.
     - `map_degrees`, `map_steps`: of the displacement map.
+    - `fit_rays`, `fit_evaluations`: of a fit, and how often scipy's may look.
+    - `scan_pixels`, `scan_steps`, `scan_layers`, `scan_bands`: the first of each is
+      what the other scans have.
     - `repeats`: of what is timed.
     """
 
     disc: tuple[int, int, int] | None = None
-    presets: tuple[tuple[int, int], ...] = ((6, 1), (6, 3), (8, 3), (12, 3), (25, 5))
+    presets: tuple[tuple[int, int], ...] = (
+        (6, 1),
+        (3, 3),
+        (4, 3),
+        (6, 3),
+        (12, 3),
+        (25, 5),
+    )
     truth_pixels: int = 2000
     truth_parts: int = 8
     truth_steps: int = 200
     truth_voxels: int = 256
     map_degrees: float = 0.25
     map_steps: int = 40
+    fit_rays: int = 8192
+    fit_evaluations: int = 1000
+    scan_pixels: tuple[int, ...] = (250, 350, 500, 700)
+    scan_steps: tuple[int, ...] = (6, 12, 24, 48)
+    scan_layers: tuple[int, ...] = (1, 2, 3, 4)
+    scan_bands: tuple[int, ...] = (1, 2, 4, 8)
+    scan_voxels: int = 128
     repeats: int = 3
 
 
@@ -40,6 +57,13 @@ QUICK = Sizes(
     truth_voxels=32,
     map_degrees=5.0,
     map_steps=8,
+    fit_rays=256,
+    fit_evaluations=20,
+    scan_pixels=(16, 24),
+    scan_steps=(4, 8),
+    scan_layers=(1, 2),
+    scan_bands=(1, 2),
+    scan_voxels=32,
     repeats=1,
 )
 

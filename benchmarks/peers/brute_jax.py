@@ -55,6 +55,12 @@ class _Static:
 @partial(jax.jit, static_argnames=("steps", "clouds"))
 def render(direction, textures, mask, p, *, steps: int, clouds: _Static):
     """Reflectance factors of all rays."""
+    depth, cosine, _, height = march(direction, textures, mask, p, steps, clouds)
+    return shade(p["extinction_per_m"] * depth, cosine, height, p["indirect"])
+
+
+def march(direction, textures, mask, p, steps: int, clouds: _Static):
+    """Way through cloud, n·s and altitude of the first surface, height of the sun."""
     origin = p["origin_m"]
     entry, length = chord(origin, direction, p["bottom_m"], p["ceiling_m"])
     start = tuple(o + entry * d for o, d in zip(origin, direction, strict=True))
@@ -77,8 +83,12 @@ def render(direction, textures, mask, p, *, steps: int, clouds: _Static):
 
     none = jnp.zeros_like(length), jnp.full_like(length, -1.0)
     (depth, first), _ = jax.lax.scan(step, none, jnp.arange(steps, dtype=jnp.float32))
-    gradient = slope(at(jnp.maximum(first, 0)), textures, p)
-    return shade(depth, tuple(-g for g in gradient), start, p)
+    surface = at(jnp.maximum(first, 0))
+    gradient = slope(surface, textures, p)
+    cosine = -dot(gradient, p["sun"]) / jnp.sqrt(dot(gradient, gradient) + 1e-24)
+    vertical = start[0], start[1], start[2] * (EQUATOR_M / POLE_M) ** 2
+    height = dot(vertical, p["sun"]) / jnp.sqrt(dot(vertical, vertical))
+    return depth, cosine, geodetic(*surface)[2], height
 
 
 def dot(a, b):
@@ -180,14 +190,10 @@ def slope(position, textures, p):
     return jax.grad(lambda x: shape(x, textures, p).sum())(position)
 
 
-def shade(depth, outward, start, p):
+def shade(τ, cosine, height, indirect):
     """Section 2.3: the slab of eqs (3) with a Lambertian surface, and eq. (5)."""
-    cosine = dot(outward, p["sun"]) / jnp.sqrt(dot(outward, outward) + 1e-24)
-    vertical = start[0], start[1], start[2] * (EQUATOR_M / POLE_M) ** 2
-    height = dot(vertical, p["sun"]) / jnp.sqrt(dot(vertical, vertical))
-    τ = p["extinction_per_m"] * depth
     reflected = τ / (1 + τ)
     transmitted = 1 / (1 + τ) - jnp.exp(-τ)
     direct = jnp.maximum(cosine, 0) * reflected + jnp.maximum(-cosine, 0) * transmitted
-    seen = (1 - p["indirect"]) * direct + p["indirect"] * height * reflected
-    return jnp.where((height > 0) & (depth > 0), seen, 0)
+    seen = (1 - indirect) * direct + indirect * height * reflected
+    return jnp.where((height > 0) & (τ > 0), seen, 0)

@@ -9,28 +9,35 @@ from .work import ECCENTRICITY2, EQUATOR_M, POLE_M, Work
 
 
 def prepare(work: Work):
+    scene, light = arguments(work), (work.clouds.extinction_per_m, work.indirect)
+    return lambda: shade_all(march(*scene), *light)
+
+
+def arguments(work: Work) -> tuple:
+    """Of `march`."""
     c = work.clouds
-    shape = np.array(
-        [c.mask_gain, c.threshold, c.base_m, c.top_m, c.barrier_scale_m, *c.weight]
-    )
-    scene = (
+    shape = [c.mask_gain, c.threshold, c.base_m, c.top_m, c.barrier_scale_m, *c.weight]
+    return (
+        work.origin_m,
+        work.direction,
+        work.sun,
+        work.steps,
         *c.voxels,
         np.array(c.period_m),
-        shape,
+        np.array(shape),
         c.mask.values,
         np.array([*c.mask.first_deg, *c.mask.step_deg]),
         np.array([c.bottom_m, c.ceiling_m]),
-        np.array([c.extinction_per_m, work.indirect]),
     )
-    return lambda: render(work.origin_m, work.direction, work.sun, work.steps, *scene)
 
 
 @numba.njit(parallel=True, fastmath=True)
-def render(
-    origin, direction, sun, steps, a, b, c, period, shape, mask, axes, shell, light
-):
-    """Reflectance factors of all rays."""
-    seen = np.zeros(len(direction), np.float32)
+def march(origin, direction, sun, steps, a, b, c, period, shape, mask, axes, shell):
+    """Way through cloud, n·s and altitude of the first surface, height of the sun.
+
+    Shape [4 rays]; 0 where there is no cloud.
+    """
+    found = np.zeros((4, len(direction)), np.float32)
     for ray in numba.prange(len(direction)):
         dx, dy, dz = direction[ray]
         entry, length = chord(origin, dx, dy, dz, shell[0], shell[1])
@@ -61,9 +68,20 @@ def render(
         if count > 0:
             x, y, z = x0 + first * dx, y0 + first * dy, z0 + first * dz
             nx, ny, nz = outward(x, y, z, a, b, c, period, shape)
-            cosine = nx * sun[0] + ny * sun[1] + nz * sun[2]
-            height = sun_height(x0, y0, z0, sun)
-            seen[ray] = shade(light[0] * count * segment, cosine, height, light[1])
+            found[0, ray] = count * segment
+            found[1, ray] = nx * sun[0] + ny * sun[1] + nz * sun[2]
+            found[2, ray] = geodetic(x, y, z)[2]
+            found[3, ray] = sun_height(x0, y0, z0, sun)
+    return found
+
+
+@numba.njit(parallel=True, fastmath=True)
+def shade_all(found, extinction_per_m, indirect):
+    """Reflectance factors of all rays."""
+    seen = np.zeros(found.shape[1], np.float32)
+    for ray in numba.prange(len(seen)):
+        depth, cosine, _, height = found[:, ray]
+        seen[ray] = shade(extinction_per_m * depth, cosine, height, indirect)
     return seen
 
 

@@ -11,12 +11,13 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from cloudjax import Scene, navigate, radiances, render, sample
+from cloudjax import Scene, Shell, navigate, radiances, sample
 from cloudjax.footprint import kind_of, kinds
 
 from .problem import SUN, Problem, dark
 
 
+NAME = "cloudjax"
 TILE = 2048
 AT_ONCE = 1 << 18
 
@@ -30,30 +31,30 @@ class Marching:
     once for all presets. Textures of a kind are dropped after it, as `render` does.
     """
 
-    def __init__(self, problem: Problem, presets):
-        self._problem = problem
-        self._scenes = {name_of(p): problem.scene(*p) for p in presets}
+    def __init__(self, problem: Problem, presets, layers: int = 1, bands: int = 1):
+        self._problem, self._layers, self._bands = problem, layers, bands
+        self._scenes = {
+            name_of(p): problem.scene(*p, layers=layers, bands=bands) for p in presets
+        }
         self._compiled: set = set()
         self._compile_seconds = dict.fromkeys(self._scenes, 0.0)
 
     def run(self) -> dict:
         """Seconds of each part and of the march of each preset, and its picture."""
         laps, problem = Laps(), self._problem
-        rays, weather = problem.grid().rays(), problem.weather()
+        rays, weather = problem.grid().rays(), problem.weather(self._layers)
         scene = next(iter(self._scenes.values()))
-        (layer,) = scene.layers
+        shells = [layer.cloud.shell for layer in scene.layers]
+        air = Shell(min(s.bottom_m for s in shells), max(s.top_m for s in shells))
         march = dict.fromkeys(self._scenes, 0.0)
         images = {name: np.empty(len(rays), np.float32) for name in self._scenes}
         tile = min(TILE, len(rays))
         laps.next("rays")
-        for kind, members in _kinds(rays, layer.cloud.shell, laps):
-            if not self._compiled:
-                # The fractals are the same for all footprints, and made once.
-                jax.block_until_ready(
-                    layer.cloud.make_textures(kind.footprint, problem.voxels)
-                )
-                laps.skip()
-            textures = layer.cloud.make_textures(kind.footprint, problem.voxels)
+        for kind, members in _kinds(rays, air, laps):
+            textures = tuple(
+                layer.cloud.make_textures(kind.footprint, problem.voxels)
+                for layer in scene.layers
+            )
             jax.block_until_ready(textures)
             laps.next("textures")
             tiles = []
@@ -63,7 +64,7 @@ class Marching:
                 filled = rays[np.concatenate([index, last])]
                 more = {"knots": kind.knots, "twice": kind.twice}
                 view = navigate(scene, filled, SUN, weather.masks, **more)
-                tiles.append((jax.block_until_ready(view), (textures,), index))
+                tiles.append((jax.block_until_ready(view), textures, index))
             laps.next("navigation")
             for name, scene in self._scenes.items():
                 self._compile(name, scene, tiles[0], (kind.knots, kind.twice))
@@ -85,7 +86,7 @@ class Marching:
     def _march(self, name: str, scene: Scene, tiles, image) -> float:
         """Samples and radiances: what every change of the clouds costs."""
         started = time.perf_counter()
-        behind = dark(range(len(tiles[0][0].start_m[0])))
+        behind = dark(len(tiles[0][0].start_m[0]), self._bands)
         pending = []
         for view, textures, index in tiles:
             seen = _radiances(scene, _sample(scene, view, textures), behind)
@@ -136,17 +137,9 @@ class Laps:
 
 
 def name_of(preset: tuple[int, int]) -> str:
-    return f"cloudjax, {preset[0]} steps, {preset[1]} nodes"
+    return f"{NAME}, {preset[0]} steps, {preset[1]} nodes"
 
 
 def load(problem: Problem, presets) -> dict[str, Callable]:
     """One function, which renders all presets."""
     return {"render": Marching(problem, presets).run}
-
-
-def whole(problem: Problem, scene) -> np.ndarray:
-    """From the lines of sight to the picture."""
-    rays = problem.grid().rays()
-    weather = problem.weather()
-    seen = render(scene, rays, SUN, dark, weather, resolution=problem.voxels, tile=TILE)
-    return np.asarray(seen.radiances.reflective[0])

@@ -47,12 +47,14 @@ class Problem:
     - `voxels`: per axis of the textures.
     - `steps`: of the peers through the shell.
     - `fraction`: of low cloud, [lat lon], ascending from pole to pole and from 0 E.
+    - `extinction_per_m`: of the cloud; None for that of the class.
     """
 
     pixels: int
     voxels: int
     steps: int
     fraction: np.ndarray
+    extinction_per_m: float | None = None
 
     def grid(self, parts: int = 1) -> FixedGrid:
         """The full disc, each pixel cut into parts²."""
@@ -82,7 +84,7 @@ class Problem:
 
     def work(self, rays: Rays) -> Work:
         """The same for the peers."""
-        cloud = self.cloud
+        cloud = self.cloud()
         f = cloud.function
         voxels = tuple(
             np.array(make_texture(fractal, cloud.seed + i, self.voxels).voxels)
@@ -109,15 +111,14 @@ class Problem:
                 barrier_scale_m=float(f.barrier_scale_m),
                 bottom_m=cloud.shell.bottom_m,
                 ceiling_m=cloud.shell.top_m,
-                extinction_per_m=extinction_per_m(),
+                extinction_per_m=self._extinction_per_m(CLASS),
             ),
             steps=self.steps,
         )
 
-    @property
-    def cloud(self) -> FractalCloud:
-        """The class, with as many octaves as the voxels can hold."""
-        cloud = cloud_classes()[CLASS].cloud(SEED)
+    def cloud(self, name: str = CLASS) -> FractalCloud:
+        """A class, with as many octaves as the voxels can hold."""
+        cloud = cloud_classes()[name].cloud(SEED)
 
         def held(fractal):
             if isinstance(fractal, InvertedWorley):
@@ -127,33 +128,45 @@ class Problem:
 
         return dataclasses.replace(cloud, fractals=tuple(map(held, cloud.fractals)))
 
-    def scene(self, steps: int, nodes: int) -> Scene:
-        """The same for cloudjax, in one band whose radiance is the reflectance."""
-        cloud = dataclasses.replace(self.cloud, latent=Latent.gauss_hermite(nodes))
-        layer = Layer(
-            cloud=cloud,
-            extinction_per_m=jnp.asarray(extinction_per_m()),
-            infrared_ratio=jnp.asarray(0.0),
-            co_albedo=jnp.zeros(1),
-            relative_absorption=jnp.zeros(0),
-            name=CLASS,
-            steps=steps,
+    def scene(self, steps: int, nodes: int, layers: int = 1, bands: int = 1) -> Scene:
+        """The same for cloudjax, in bands whose radiance is the reflectance.
+
+        Further layers are the paper's other classes, under the same mask.
+        """
+        names = [CLASS, *(name for name in cloud_classes() if name != CLASS)]
+        white, one = jnp.zeros(bands), jnp.ones(bands)
+        latent = Latent.gauss_hermite(nodes)
+        return Scene(
+            layers=tuple(
+                Layer(
+                    cloud=dataclasses.replace(self.cloud(name), latent=latent),
+                    extinction_per_m=jnp.asarray(self._extinction_per_m(name)),
+                    infrared_ratio=jnp.asarray(0.0),
+                    co_albedo=white,
+                    relative_absorption=jnp.zeros(0),
+                    name=name,
+                    steps=steps,
+                )
+                for name in names[:layers]
+            ),
+            reflective=ReflectiveBands(tuple(range(1, bands + 1)), one, white, one),
+            emissive=None,
+            reflection=TwoFlux(jnp.asarray(INDIRECT)),
+            temperature=StandardAtmosphere(),
         )
-        bands = ReflectiveBands((2,), jnp.ones(1), path=jnp.zeros(1), gain=jnp.ones(1))
-        light = TwoFlux(jnp.asarray(INDIRECT))
-        return Scene((layer,), bands, None, light, StandardAtmosphere())
 
-    def weather(self) -> Weather:
-        return Weather(masks=(self.mask,))
+    def _extinction_per_m(self, name: str) -> float:
+        if self.extinction_per_m is not None:
+            return self.extinction_per_m
+        return SHARE * cloud_classes()[name].extinction_per_m
 
-
-def extinction_per_m() -> float:
-    return SHARE * cloud_classes()[CLASS].extinction_per_m
+    def weather(self, layers: int = 1) -> Weather:
+        return Weather(masks=(self.mask,) * layers)
 
 
-def dark(index) -> BandRadiances:
+def dark(rays: int, bands: int = 1) -> BandRadiances:
     """Nothing behind the clouds."""
-    return BandRadiances(jnp.zeros((1, len(index))), None)
+    return BandRadiances(jnp.zeros((bands, rays)), None)
 
 
 def generated_fraction() -> np.ndarray:
