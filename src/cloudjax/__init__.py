@@ -113,6 +113,7 @@ from .scene import (
 from .shell import Shell as Shell
 from .source import AbstractCloudSource as AbstractCloudSource
 from .source import Occupancy as Occupancy
+from .source import Slopes as Slopes
 from .texture import (
     InvertedWorley as InvertedWorley,
 )

@@ -1,14 +1,4 @@
-"""Fractal clouds: the cloud function and its soft level set.
-
-Schinder et al. 2024, eq. (1), with standardised textures (their offsets b_i fold into
-the threshold T):
-
-    CF(x) = Σ m_i F_i(x'/LS_i) + g w(x) - a exp(-(z - z_b)/h) - a exp((z - z_t)/h) - T
-
-Multiplying m, g, a and T by one number moves no cloud. That gauge is fixed by holding
-the first weight at 1; and since a and h move the barriers as z_b and z_t do, a is held
-as well.
-"""
+"""Fractal clouds: the soft level set of the cloud function in its shell."""
 
 from collections.abc import Sequence
 
@@ -16,11 +6,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
+from .cloud_function import CloudFunction
 from .footprint import POINT, Footprint
-from .geodesy import geodetic, up
+from .geodesy import geodetic, vertical
 from .path import (
     Path,
     along_chord,
@@ -32,80 +22,19 @@ from .path import (
 )
 from .rays import Rays
 from .shell import Chords, Shell
-from .source import AbstractCloudSource, Occupancy
+from .source import AbstractCloudSource, Occupancy, Slopes
 from .texture import Fractal, Texture, Unresolved, make_texture
 
 
-# Past this many e-folds a barrier is shut; unclipped, exp overflows float32 at 88 and
-# turns gradients into NaN.
-_MAX_EFOLDS = 30.0
-# Beyond this many widths the level set is decided: ndtr is 0 or 1 to float32.
+# Beyond this many widths the level set is decided: erf is 1 to float32.
 _MAX_WIDTHS = 8.0
 # A change of CF within one step that is as good as a jump.
 _MAX_CHANGE = 6.0
+# Steps to each point at which gradients of textures are sampled.
+_STEPS_PER_SLOPE = 3
 # Sub-pixel structure is taken for common over this part of a cloud's thickness, along
 # the ray: measured against many hard rays per pixel (docs/decisions.md).
 _COMMON_WAY = 0.35
-
-
-class CloudFunction(eqx.Module):
-    """The parameters of eq. (1).
-
-    **Fields:**
-
-    - `weights`: m_i, one per texture, in units of CF; the first is held at 1.
-    - `mask_gain`: g, of the weather mask.
-    - `threshold`: T.
-    - `barrier_strength`: a, held at 1.
-    - `base_m`, `top_m`: altitudes z_b and z_t of the condensation barriers.
-    - `barrier_scale_m`: h.
-    - `smoothing`: s₀, width of the level set that remains without any footprint.
-    """
-
-    weights: Float[Array, " textures"]
-    mask_gain: Float[Array, ""]
-    threshold: Float[Array, ""]
-    barrier_strength: Float[Array, ""]
-    base_m: Float[Array, ""]
-    top_m: Float[Array, ""]
-    barrier_scale_m: Float[Array, ""]
-    smoothing: Float[Array, ""]
-
-    def __call__(
-        self,
-        texture_values: tuple[Float[Array, "rays steps"], ...],
-        mask: Float[Array, "rays steps"],
-        altitude_m: Float[Array, "rays steps"],
-    ) -> Float[Array, "rays steps"]:
-        """CF in the cloud where positive."""
-        below, above = self._barriers(altitude_m)
-        value = self.mask_gain * mask - below - above - self.threshold
-        # An explicit sum: a product with a weight vector, reduced, is miscompiled by
-        # one release of jax (docs/decisions.md).
-        for i, texture in enumerate(texture_values):
-            value = value + self.weights[i] * texture
-        return value
-
-    def gradient(
-        self,
-        texture_gradients: tuple[Float[Array, "3 rays steps"], ...],
-        altitude_m: Float[Array, "rays steps"],
-        up: Float[Array, "3 rays steps"],
-    ) -> Float[Array, "3 rays steps"]:
-        """∇CF per metre. The mask varies over tens of kilometres: left out."""
-        below, above = self._barriers(altitude_m)
-        value = ((below - above) / self.barrier_scale_m)[None] * up
-        for i, texture in enumerate(texture_gradients):
-            value = value + self.weights[i] * texture
-        return value
-
-    def _barriers(self, altitude_m):
-        below = (self.base_m - altitude_m) / self.barrier_scale_m
-        above = (altitude_m - self.top_m) / self.barrier_scale_m
-        return (
-            self.barrier_strength * jnp.exp(jnp.minimum(below, _MAX_EFOLDS)),
-            self.barrier_strength * jnp.exp(jnp.minimum(above, _MAX_EFOLDS)),
-        )
 
 
 class Latent(eqx.Module):
@@ -151,11 +80,19 @@ class FractalPath(eqx.Module):
     texture_change: Float[Array, "rays textures 3 knots-1"]
     strain: Float[Array, "rays textures 3 3"] | None
 
+    def position(self, texture: int, points: int) -> Float[Array, "3 rays {points}"]:
+        """In a texture, in periods, in the middle of equal parts of the chord."""
+        change = jnp.moveaxis(self.texture_change[:, texture], (2, 1), (0, 1))
+        ways = [jnp.zeros((3, 1, 1)), *change[..., None]]
+        entry = self.texture_entry[:, texture].T
+        return entry[..., None] + along_chord(ways, points)
+
 
 class FractalSamples(eqx.Module):
     """All that eq. (1) needs along the rays and that no fitted parameter moves.
 
-    CF is linear in these, so a fit samples once and works on them.
+    CF is linear in these, so a fit samples once and works on them. Gradients of
+    textures change over many steps, and are taken at fewer points.
     """
 
     distance_m: Float[Array, "rays steps"]
@@ -163,8 +100,8 @@ class FractalSamples(eqx.Module):
     mask: Float[Array, "rays steps"]
     texture_values: tuple[Float[Array, "rays steps"], ...]
     unresolved: tuple[Unresolved, ...]
-    up: Float[Array, "3 rays steps"] | None
-    texture_gradients: tuple[Float[Array, "3 rays steps"], ...] | None
+    up: Float[Array, "3 rays points"] | None
+    texture_gradients: tuple[Float[Array, "3 rays points"], ...] | None
 
 
 class FractalCloud(AbstractCloudSource):
@@ -231,13 +168,12 @@ class FractalCloud(AbstractCloudSource):
     ) -> FractalPath:
         """Ways of rays along chords of the shell, on the host in float64."""
         points = points_along(rays, chord, knots)
-        places = [geodetic(point) for point in points]
         periods = np.asarray(self.length_scales_m)[:, None]
         entry = points[0][:, None] / periods
         change = np.stack([point - points[0] for point in points[1:]], axis=-1)
         way = FractalPath(
             path=navigate(rays, chord),
-            mask=jnp.stack([_mask_at(mask, *place) for place in places], axis=-1),
+            mask=device_array(np.stack([_mask_at(mask, p) for p in points], axis=-1)),
             texture_entry=device_array(entry % 1.0),
             texture_change=device_array(change[:, None] / periods[..., None]),
             strain=None,
@@ -247,15 +183,18 @@ class FractalCloud(AbstractCloudSource):
             maps = [displacements] * len(self.length_scales_m)
         if all(m is None for m in maps):
             return way
-        vertical = np.stack([up(φ, λ) for φ, λ, _ in places], axis=-2)
-        altitude = np.stack([z for _, _, z in places], axis=-1)
+        upward, altitude = vertical(np.stack(points, axis=-2))
         return _drifted(
             way,
-            device_array(vertical),
+            device_array(upward),
             device_array(altitude),
             *_distinct(maps),
             device_array(periods[:, 0]),
         )
+
+    def likelihood(self, way: FractalPath) -> Float[Array, " rays"]:
+        most = self.function.likelihood(way.mask.max(-1))
+        return jnp.where(way.path.length_m > 0, most, 0.0)
 
     def sample(
         self,
@@ -266,27 +205,19 @@ class FractalCloud(AbstractCloudSource):
         with_gradient: bool,
     ) -> FractalSamples:
         distance = way.path.distance_m(steps)
-        mask = along_chord(way.mask.T[..., None], steps)
+        points = _slope_points(steps)
         values, gradients, unresolved = [], [], []
         for i, texture in enumerate(textures):
-            entry, change = way.texture_entry[:, i].T, way.texture_change[:, i]
-            ways = [
-                jnp.zeros((3, 1, 1)),
-                *jnp.moveaxis(change, (2, 1), (0, 1))[..., None],
-            ]
-            u = entry[..., None] + along_chord(ways, steps)
+            values.append(texture.sample(way.position(i, steps)))
             lost = texture.unresolved
             if with_gradient:
-                value, gradient = texture.sample_with_gradient(u)
+                _, gradient = texture.sample_with_gradient(way.position(i, points))
                 gradient = gradient / self.length_scales_m[i]
                 if way.strain is not None:
                     gradient = jnp.einsum("rka,krs->ars", way.strain[:, i], gradient)
                     stretch = jnp.sum(way.strain[:, i] ** 2, axis=(1, 2)) / 3
                     lost = eqx.tree_at(lambda u: u.slope, lost, lost.slope * stretch)
                 gradients.append(gradient)
-            else:
-                value = texture.sample(u)
-            values.append(value)
             rays = distance.shape[0]
             unresolved.append(
                 jax.tree.map(lambda v, rays=rays: jnp.broadcast_to(v, (rays,)), lost)
@@ -294,10 +225,10 @@ class FractalCloud(AbstractCloudSource):
         return FractalSamples(
             distance_m=distance,
             altitude_m=way.path.altitude_m(distance),
-            mask=mask,
+            mask=along_chord(way.mask.T[..., None], steps),
             texture_values=tuple(values),
             unresolved=tuple(unresolved),
-            up=way.path.up(distance) if with_gradient else None,
+            up=way.path.up(way.path.distance_m(points)) if with_gradient else None,
             texture_gradients=tuple(gradients) if with_gradient else None,
         )
 
@@ -320,13 +251,17 @@ class FractalCloud(AbstractCloudSource):
         shift = jnp.sqrt(jnp.maximum(common, 1e-12))[:, None]
         shifted = value[None] + self.latent.nodes[:, None, None] * shift[None]
         widths = jnp.clip(shifted / width[None], -_MAX_WIDTHS, _MAX_WIDTHS)
-        gradient = None
+        # jax.scipy's ndtr keeps the far tails to all digits, at three times the price.
+        fraction = 0.5 + 0.5 * jax.lax.erf(np.sqrt(0.5) * widths)
+        slopes = None
         if samples.texture_gradients is not None and samples.up is not None:
-            gradient = f.gradient(
-                samples.texture_gradients, samples.altitude_m, samples.up
+            slopes = Slopes(
+                f.gradient(samples.texture_gradients),
+                f.rise(samples.altitude_m),
+                samples.up,
+                sum((u.slope for u in lost), none),
             )
-        slope = sum((u.slope for u in lost), none)
-        return Occupancy(ndtr(widths), self.latent.weights, gradient, slope)
+        return Occupancy(fraction, self.latent.weights, slopes)
 
 
 def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays steps"]:
@@ -344,10 +279,15 @@ def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays st
     return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
 
 
-def _mask_at(mask, latitude_deg, longitude_deg, _) -> Float[Array, " rays"]:
+def _slope_points(steps: int) -> int:
+    return min(steps, max(3, -(-steps // _STEPS_PER_SLOPE)))
+
+
+def _mask_at(mask, position_m) -> Float[np.ndarray, " rays"]:
     if mask is None:
-        return jnp.zeros(len(latitude_deg))
-    return device_array(mask(latitude_deg, longitude_deg))
+        return np.zeros(len(position_m))
+    latitude_deg, longitude_deg, _ = geodetic(position_m)
+    return np.asarray(mask(latitude_deg, longitude_deg))
 
 
 def _distinct(maps) -> tuple[tuple, tuple[int, ...]]:

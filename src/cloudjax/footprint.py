@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from .geodesy import GRS80, Ellipsoid, geodetic, up
+from .geodesy import GRS80, Ellipsoid, vertical
 from .rays import Rays
 from .shell import Shell, chords, second_chords
 
@@ -68,9 +68,9 @@ class Footprint:
     def view(self) -> Float[np.ndarray, "3"]:
         """A direction at the angle to `along` that rays have."""
         along = np.array(self.along)
-        vertical = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-        vertical /= np.linalg.norm(vertical)
-        return self.slant * vertical - np.sqrt(1 - self.slant**2) * along
+        upward = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        upward /= np.linalg.norm(upward)
+        return self.slant * upward - np.sqrt(1 - self.slant**2) * along
 
 
 POINT = Footprint(0.0, 0.0)
@@ -101,14 +101,13 @@ def kinds(
     """
     chord, again = chords(rays, shell, ellipsoid), second_chords(rays, shell, ellipsoid)
     middle = chord.entry_m + chord.length_m / 2
-    latitude, longitude, _ = geodetic(rays.at(middle), ellipsoid)
-    vertical = up(latitude, longitude)
-    slant = (vertical * rays.direction).sum(-1)
+    upward, _ = vertical(rays.at(middle), ellipsoid)
+    slant = (upward * rays.direction).sum(-1)
     width = rays.pixel_rad * np.maximum(middle, 1.0)
     stretch = np.minimum(1 / np.maximum(np.abs(slant), 1e-9), _LONGEST)
     rung = np.round(_STRETCHES_PER_OCTAVE * np.log2(stretch))
     level = np.sqrt(np.maximum(1 - slant**2, 1e-12))
-    along = (rays.direction - slant[:, None] * vertical) / level[:, None]
+    along = (rays.direction - slant[:, None] * upward) / level[:, None]
     far = np.maximum(chord.length_m, again.length_m) * level
     return np.stack(
         [

@@ -1,24 +1,30 @@
 """Whole images: rays sorted by their pixels' footprints, marched tile by tile.
 
-The tiles are a loop on the host around two compiled functions. In one piece XLA would
-fuse the reads of textures into all that uses them, and repeat them; within `lax.map` a
-CPU would give each operation one core only.
+The tiles are a loop on the host around two compiled functions, for in one piece XLA
+would fuse the reads of textures into all that uses them, and repeat them. A tile fits
+the cache, which is too little work for several cores to share: each core has its own.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+import functools as ft
+import operator as op
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
-from .footprint import Footprint, Kind, kind_of, kinds
+from .footprint import Kind, kind_of, kinds
 from .rays import Rays
-from .scene import BandRadiances, Sampled, Scene, join, navigate, sample
+from .scene import BandRadiances, Sampled, Scene, View, join, navigate, sample
 from .shell import Shell
-from .transfer import CloudProducts, products, radiances
+from .transfer import CloudProducts, clear_products, products, radiances
 
 
 # Radiances without cloud of the rays of these numbers.
@@ -26,8 +32,12 @@ Background = Callable[[Int[np.ndarray, " rays"]], BandRadiances]
 # The lines of sight of the rays of these numbers.
 Sight = Callable[[Int[np.ndarray, " rays"]], Rays]
 
-_sample = eqx.filter_jit(sample)
 _SORTED_AT_ONCE = 1 << 18
+# Tiles that are navigated at once: numpy and XLA have a price per call.
+_TILES_AT_ONCE = 8
+# Rays that meet cloud less often are clear. Masks leave clear air a chance of 1e-4
+# (`fraction_to_mask`); cover is wrong by this at most.
+LEAST_LIKELIHOOD = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +67,59 @@ class Image:
     clouds: CloudProducts | None
 
 
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Rays of one kind, laid through the layers.
+
+    **Fields:** `index`: their numbers, those of the first rays of `view`.
+    """
+
+    textures: tuple
+    view: View
+    background: BandRadiances
+    index: Int[np.ndarray, " rays"]
+
+
+# Work that makes a batch, on whatever core is free.
+_Job = Callable[[], _Batch]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """An image all but for its march, for many renders of one view.
+
+    Navigation, masks, winds, background and textures are done.
+    """
+
+    batches: tuple[_Batch, ...]
+    rays: int
+    tile: int
+
+    def render(self, scene: Scene, *, with_products: bool = False) -> Image:
+        """March a scene that differs from the prepared one in its parameters only."""
+        jobs = (ft.partial(_same, batch) for batch in self.batches)
+        return _march(scene, jobs, self.rays, self.tile, with_products)
+
+
+def prepare(
+    scene: Scene,
+    sight: Rays | Sight,
+    sun_direction: Float[np.ndarray, "3"],
+    background: Background,
+    weather: Weather = CALM,
+    *,
+    rays: int | None = None,
+    resolution: int = 128,
+    tile: int | None = None,
+) -> Prepared:
+    """Everything of an image that may be done once; arguments as for `render`."""
+    count, tile = _count(sight, rays), tile or _default_tile()
+    jobs = _jobs(
+        scene, sight, count, sun_direction, background, weather, resolution, tile
+    )
+    return Prepared(tuple(_each(jobs, lambda job: job())), count, tile)
+
+
 def render(
     scene: Scene,
     sight: Rays | Sight,
@@ -66,13 +129,14 @@ def render(
     *,
     rays: int | None = None,
     resolution: int = 128,
-    tile: int = 2048,
+    tile: int | None = None,
     with_products: bool = False,
     on_tile: Callable[[int, int], None] | None = None,
 ) -> Image:
     """March all rays, a tile that fits the cache at a time.
 
-    The result does not depend on `tile`.
+    The result does not depend on `tile`. Rays that hardly any cloud can be on show the
+    background and are not marched.
 
     **Arguments:**
 
@@ -81,51 +145,15 @@ def render(
     - `sun_direction`: unit vector from the Earth to the sun, ECEF.
     - `background`: what is seen without cloud.
     - `resolution`: voxels per axis of the textures.
+    - `tile`: rays that are marched at once.
     - `with_products`: the clouds' cover, height, depth and class, too.
     - `on_tile`: called with the numbers of rays done and of all.
     """
-    count = len(sight) if isinstance(sight, Rays) else rays
-    if count is None:
-        raise ValueError(
-            "Give the number of rays along with a function that makes them."
-        )
-    look = _look_with_products if with_products else _look
-    leaves: list[np.ndarray] = []
-    tree: Any = None
-    pending: list = []
-    done = 0
-
-    def store(index, seen):
-        nonlocal tree
-        parts, tree = jax.tree.flatten(seen)
-        if not leaves:
-            leaves.extend(np.empty((*p.shape[:-1], count), p.dtype) for p in parts)
-        for whole, part in zip(leaves, parts, strict=True):
-            whole[..., index] = np.asarray(part)[..., : len(index)]
-
-    for kind, textures, index, filled in _tiles(scene, sight, count, resolution, tile):
-        view = navigate(
-            scene,
-            _some(sight, filled),
-            sun_direction,
-            weather.masks,
-            weather.displacements,
-            weather.temperature,
-            knots=kind.knots,
-            twice=kind.twice,
-        )
-        sampled = _sample(scene, view, textures)
-        pending.append((index, look(scene, sampled, background(filled))))
-        # One tile is navigated on the host while the device works on the one before.
-        if len(pending) > 1:
-            store(*pending.pop(0))
-        done += len(index)
-        if on_tile is not None:
-            on_tile(done, count)
-    for item in pending:
-        store(*item)
-    seen, clouds = jax.tree.unflatten(tree, leaves)
-    return Image(seen, clouds)
+    count, tile = _count(sight, rays), tile or _default_tile()
+    jobs = _jobs(
+        scene, sight, count, sun_direction, background, weather, resolution, tile
+    )
+    return _march(scene, jobs, count, tile, with_products, on_tile)
 
 
 def sample_rays(
@@ -142,65 +170,186 @@ def sample_rays(
     Rays that graze the Earth are followed into a shell once.
     """
     parts, order = [], []
-    for _, textures, index, filled in _tiles(
-        scene, rays, len(rays), resolution, tile, alike=True
-    ):
-        view = navigate(
-            scene,
-            rays[filled],
-            sun_direction,
-            weather.masks,
-            weather.displacements,
-            weather.temperature,
-        )
-        part = _sample(scene, view, textures)
-        parts.append(_first(part, len(index)))
-        order.append(index)
-    return _first(join(parts), np.argsort(np.concatenate(order)))
+    for kind, textures, members in _kinds(scene, rays, len(rays), resolution, True):
+        for index, filled in _tiles(members, tile):
+            view = _navigate(scene, rays[filled], sun_direction, weather, kind)
+            part = _sample(scene, view, textures)
+            parts.append(_pick(part, np.arange(len(index))))
+            order.append(index)
+    return _pick(join(parts), np.argsort(np.concatenate(order)))
+
+
+def _march(scene, jobs, count, tile, with_products, on_tile=None) -> Image:
+    look = _look_with_products if with_products else _look
+
+    def unseen(behind: BandRadiances):
+        if not with_products:
+            return behind, None
+        rays = jax.tree.leaves(behind)[0].shape[-1]
+        return behind, clear_products(len(scene.layers), rays)
+
+    def march(job: _Job) -> list:
+        batch = job()
+        chance = np.asarray(_likelihood(scene, batch.view))[: len(batch.index)]
+        likely = chance > LEAST_LIKELIHOOD
+        parts = [
+            (batch.index[some], unseen(_pick(batch.background, filled)))
+            for some, filled in _tiles(np.flatnonzero(~likely), tile)
+        ]
+        for index, filled in _tiles(np.flatnonzero(likely), tile):
+            view = _pick(batch.view, filled)
+            sampled = _sample(scene, view, batch.textures)
+            seen = look(scene, sampled, _pick(batch.background, filled))
+            parts.append((batch.index[index], seen))
+        return parts
+
+    canvas, done = _Canvas(count), 0
+    for parts in _each(jobs, march):
+        for index, seen in parts:
+            canvas.paint(index, seen)
+            done += len(index)
+        if on_tile is not None:
+            on_tile(done, count)
+    return Image(*canvas.painted)
+
+
+@dataclass(eq=False)
+class _Canvas:
+    """Host arrays for all rays, made when it is known of what."""
+
+    rays: int
+    leaves: list[np.ndarray] = field(default_factory=list)
+    tree: Any = None
+
+    def paint(self, index: Int[np.ndarray, " rays"], seen) -> None:
+        """The first rays of `seen`, of which there may be more than numbers."""
+        parts, self.tree = jax.tree.flatten(seen)
+        if not self.leaves:
+            shapes = [(*part.shape[:-1], self.rays) for part in parts]
+            self.leaves = [
+                np.empty(shape, part.dtype)
+                for shape, part in zip(shapes, parts, strict=True)
+            ]
+        for whole, part in zip(self.leaves, parts, strict=True):
+            whole[..., index] = np.asarray(part)[..., : len(index)]
+
+    @property
+    def painted(self):
+        return jax.tree.unflatten(self.tree, self.leaves)
+
+
+def _each(jobs: Iterable[_Job], work: Callable) -> Iterator:
+    """Results in order, of as many jobs at once as there are cores, and one more."""
+    workers = _workers()
+    waiting: deque = deque()
+    with ThreadPoolExecutor(workers) as pool:
+        for job in jobs:
+            waiting.append(pool.submit(work, job))
+            if len(waiting) > workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def _workers() -> int:
+    """Other devices than CPUs share out their work themselves."""
+    if jax.default_backend() != "cpu":
+        return 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
+
+
+def _default_tile() -> int:
+    return 4096 if jax.default_backend() == "cpu" else 1 << 17
+
+
+def _same(batch: _Batch) -> _Batch:
+    return batch
 
 
 def _look(scene, sampled, background):
     return _radiances(scene, sampled, background), None
 
 
+@eqx.filter_jit
 def _look_with_products(scene, sampled, background):
-    return _radiances(scene, sampled, background), _products(scene, sampled)
+    # In one piece, so that the march is done once for both.
+    return radiances(scene, sampled, background), products(scene, sampled)
 
 
+_sample = eqx.filter_jit(sample)
 _radiances = eqx.filter_jit(radiances)
-_products = eqx.filter_jit(products)
 
 
-def _first(sampled: Sampled, index) -> Sampled:
-    """Some rays of a set: so many, or those of an index."""
-    pick = slice(index) if isinstance(index, int) else index
-    bare = eqx.tree_at(lambda s: s.sun_direction, sampled, None)
-    some = jax.tree.map(lambda x: x[:, pick] if x.ndim == 3 else x[pick], bare)
-    return eqx.tree_at(
-        lambda s: s.sun_direction,
-        some,
-        sampled.sun_direction,
-        is_leaf=lambda x: x is None,
-    )
+@eqx.filter_jit
+def _likelihood(scene: Scene, view: View) -> Float[Array, " rays"]:
+    """Of the layer that a ray is most likely to meet."""
+    chances = [
+        scene.layers[i].cloud.likelihood(way)
+        for i, way in zip(view.layer_of, view.ways, strict=True)
+    ]
+    return ft.reduce(jnp.maximum, chances)
+
+
+_pick = eqx.filter_jit(op.getitem)
+
+
+def _count(sight: Rays | Sight, rays: int | None) -> int:
+    if isinstance(sight, Rays):
+        return len(sight)
+    if rays is None:
+        raise ValueError(
+            "Give the number of rays along with a function that makes them."
+        )
+    return rays
 
 
 def _some(sight: Rays | Sight, index) -> Rays:
     return sight[index] if isinstance(sight, Rays) else sight(index)
 
 
-def _tiles(
+def _jobs(
+    scene: Scene,
+    sight: Rays | Sight,
+    count: int,
+    sun_direction: Float[np.ndarray, "3"],
+    background: Background,
+    weather: Weather,
+    resolution: int,
+    tile: int,
+) -> Iterator[_Job]:
+    def lay(kind, textures, index, filled) -> _Batch:
+        rays = _some(sight, filled)
+        view = _navigate(scene, rays, sun_direction, weather, kind)
+        return _Batch(textures, view, background(filled), index)
+
+    for kind, textures, members in _kinds(scene, sight, count, resolution):
+        for index, filled in _tiles(members, _TILES_AT_ONCE * tile):
+            yield ft.partial(lay, kind, textures, index, filled)
+
+
+def _navigate(scene, rays, sun_direction, weather: Weather, kind: Kind) -> View:
+    return navigate(
+        scene,
+        rays,
+        sun_direction,
+        weather.masks,
+        weather.displacements,
+        weather.temperature,
+        knots=kind.knots,
+        twice=kind.twice,
+    )
+
+
+def _kinds(
     scene: Scene,
     sight: Rays | Sight,
     count: int,
     resolution: int,
-    tile: int,
-    *,
     alike: bool = False,
-) -> Iterator[tuple[Kind, tuple, Int[np.ndarray, " rays"], Int[np.ndarray, " tile"]]]:
-    """Kind, textures, and numbers of the rays of each tile, also filled up to its size.
+) -> Iterator[tuple[Kind, tuple, Int[np.ndarray, " rays"]]]:
+    """Each kind of ray, its textures, and the numbers of its rays.
 
-    Copies of the last ray fill a tile up, so that one compilation serves. With
-    `alike`, kinds that differ in their footprint only are told apart.
+    With `alike`, kinds that differ in their footprint only are told apart.
     """
     rows = np.concatenate(
         [
@@ -212,22 +361,28 @@ def _tiles(
     if alike:
         rows[:, 5:] = 2, 0
     found, kind_of_ray = np.unique(rows, axis=0, return_inverse=True)
-    tile = min(tile, max(count, 1))
     order = np.argsort(kind_of_ray, kind="stable")
     ends = np.cumsum(np.bincount(kind_of_ray.reshape(-1), minlength=len(found)))
     for row, members in zip(found, np.split(order, ends[:-1]), strict=True):
         kind = kind_of(row.astype(np.int64))
-        textures = _textures(scene, kind.footprint, resolution)
-        for start in range(0, len(members), tile):
-            index = members[start : start + tile]
-            last = np.full(tile - len(index), index[-1])
-            yield kind, textures, index, np.concatenate([index, last])
+        textures = tuple(
+            layer.cloud.make_textures(kind.footprint, resolution)
+            for layer in scene.layers
+        )
+        yield kind, textures, members
 
 
-def _textures(scene: Scene, footprint: Footprint, resolution: int) -> tuple:
-    return tuple(
-        layer.cloud.make_textures(footprint, resolution) for layer in scene.layers
-    )
+def _tiles(
+    numbers: Int[np.ndarray, " rays"], tile: int
+) -> Iterator[tuple[Int[np.ndarray, " some"], Int[np.ndarray, " filled"]]]:
+    """So many numbers at a time, and the same filled up with copies of the last one.
+
+    What is filled up is compiled for two sizes only, of which few rays get the small.
+    """
+    for start in range(0, len(numbers), tile):
+        some = numbers[start : start + tile]
+        size = tile if len(some) > tile // 16 else tile // 16
+        yield some, np.concatenate([some, np.full(size - len(some), some[-1])])
 
 
 def _air(scene: Scene) -> Shell:

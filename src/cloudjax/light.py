@@ -8,6 +8,7 @@ so that its extinction is about (1 - g)/2, a thirteenth, of the physical one.
 
 import abc
 from collections.abc import Callable
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -23,14 +24,15 @@ class Illumination(eqx.Module):
     **Fields:**
 
     - `lit`, `shaded`: means of max(n·s, 0) and max(-n·s, 0) over the surface that is
-      seen, n the normals and s the direction of the sun.
+      seen, n the normals and s the direction of the sun; None for strategies that see
+      no slopes.
     - `sun_height`, `view_height`: cosines of the zenith angles of sun and viewer.
     - `scattering`: cosine of the angle between the sun's rays and the light that is
       seen, -1 with the sun behind the viewer.
     """
 
-    lit: Float[Array, "nodes rays"]
-    shaded: Float[Array, "nodes rays"]
+    lit: Float[Array, "nodes rays"] | None
+    shaded: Float[Array, "nodes rays"] | None
     sun_height: Float[Array, " rays"]
     view_height: Float[Array, " rays"]
     scattering: Float[Array, " rays"]
@@ -62,7 +64,12 @@ class Returned(eqx.Module):
 
 
 class AbstractReflection(eqx.Module):
-    """How sunlight comes back from a cloud."""
+    """How sunlight comes back from a cloud.
+
+    **Fields:** `sees_slopes`: whether it asks how the surface is turned to the sun.
+    """
+
+    sees_slopes: ClassVar[bool] = False
 
     @abc.abstractmethod
     def __call__(
@@ -89,8 +96,11 @@ class TwoFlux(AbstractReflection):
     """
 
     indirect: Float[Array, ""]
+    sees_slopes: ClassVar[bool] = True
 
     def __call__(self, optical_depth, particles, light):
+        if light.lit is None or light.shaded is None:
+            raise ValueError("TwoFlux needs slopes: sample the clouds with gradients.")
         reflected, transmitted = slab(optical_depth, particles.co_albedo)
         through = jnp.exp(-optical_depth)
         # What the far side emits is what came through by scattering: eq. (3a) less

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
-from .source import Occupancy
+from .path import to_points
+from .source import Occupancy, Slopes
 
 
 class March(eqx.Module):
@@ -20,15 +21,13 @@ class March(eqx.Module):
     - `cloud_m`: length of the way through cloud, up to the end of each step.
     - `segment_m`: the same within each step.
     - `weights`: of the sub-pixel structures (the nodes).
-    - `gradient`: points into the cloud; None where no normals are asked.
-    - `slope_variance`: of each component of the gradient, below the resolution.
+    - `slopes`: of the cloud's surface; None where no normals are asked.
     """
 
     cloud_m: Float[Array, "nodes rays steps"]
     segment_m: Float[Array, "nodes rays steps"]
     weights: Float[Array, " nodes"]
-    gradient: Float[Array, "3 rays steps"] | None
-    slope_variance: Float[Array, " rays"]
+    slopes: Slopes | None
 
     @property
     def depth_m(self) -> Float[Array, "nodes rays"]:
@@ -66,13 +65,10 @@ def march(occupancy: Occupancy, length_m: Float[Array, " rays"]) -> March:
     """Add up the cloud along chords of a length in equal steps."""
     steps = occupancy.fraction.shape[-1]
     segment = occupancy.fraction * (length_m / steps)[None, :, None]
-    return March(
-        jnp.cumsum(segment, axis=-1),
-        segment,
-        occupancy.weights,
-        occupancy.gradient,
-        occupancy.slope_variance,
-    )
+    # A product with ones is three times as fast as a running sum along the last axis.
+    so_far = jnp.triu(jnp.ones((steps, steps), segment.dtype))
+    cloud = jnp.matmul(segment, so_far, precision="highest")
+    return March(cloud, segment, occupancy.weights, occupancy.slopes)
 
 
 class FirstSurface(eqx.Module):
@@ -115,9 +111,7 @@ class FirstSurface(eqx.Module):
 def first_surface(
     absorbed: Float[Array, "nodes rays steps"],
     distance_m: Float[Array, "rays steps"],
-    gradient: Float[Array, "3 rays steps"],
-    slope_variance: Float[Array, " rays"],
-    up: Float[Array, "3 rays steps"],
+    slopes: Slopes,
     direction: Float[Array, "rays 3"],
 ) -> FirstSurface:
     """The expected depth and slope of the first surface (section 2.1).
@@ -126,14 +120,24 @@ def first_surface(
     """
     total = jnp.maximum(absorbed.sum(-1), 1e-12)
     distance = (absorbed * distance_m[None]).sum(-1) / total
+    weights = absorbed / total[..., None]
+    points = slopes.gradient.shape[-1]
+    share = jnp.asarray(to_points(weights.shape[-1], points), weights.dtype)
+    at = jnp.matmul(weights, share, precision="highest")
+    rise = jnp.matmul(weights * slopes.rise[None], share, precision="highest")
     # A trace of the vertical decides where the cloud function is flat, and keeps the
     # normalisation finite. 1e-9 per metre is far below any slope of CF.
-    outward = 1e-9 * up - gradient
-    weights = absorbed / total[..., None]
-    slope = jnp.stack([(weights * component[None]).sum(-1) for component in outward])
+    rise = rise - 1e-9 * at
+    slope = -jnp.stack(
+        [
+            (at * gradient[None] + rise * up[None]).sum(-1)
+            for gradient, up in zip(slopes.gradient, slopes.up, strict=True)
+        ]
+    )
     back = direction.T[:, None, :]
-    gained = _turned_to_viewer(-(slope * back).sum(0), slope_variance[None])
-    return FirstSurface(distance, slope - gained[None] * back, slope_variance)
+    variance = slopes.unresolved
+    gained = _turned_to_viewer(-(slope * back).sum(0), variance[None])
+    return FirstSurface(distance, slope - gained[None] * back, variance)
 
 
 def _turned_to_viewer(rise, variance):

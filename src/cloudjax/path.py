@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .geodesy import GRS80, Ellipsoid, curvature_radius, geodetic, up
+from .geodesy import GRS80, Ellipsoid, curvature_radius, vertical
 from .rays import Rays
 from .shell import Chords
 
@@ -62,15 +62,14 @@ class Path(eqx.Module):
 
 def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
     """Bring chords onto the device. Runs on the host in float64."""
-    latitude, longitude, altitude = geodetic(rays.at(chords.entry_m), ellipsoid)
-    vertical = up(latitude, longitude)
-    ground_radius = curvature_radius(vertical, rays.direction, ellipsoid)
+    upward, altitude = vertical(rays.at(chords.entry_m), ellipsoid)
+    ground_radius = curvature_radius(upward, rays.direction, ellipsoid)
     return Path(
         length_m=device_array(chords.length_m),
         entry_altitude_m=device_array(altitude),
         radius_m=device_array(ground_radius + altitude),
         direction=device_array(rays.direction),
-        entry_up=device_array(vertical),
+        entry_up=device_array(upward),
     )
 
 
@@ -98,6 +97,16 @@ def along_chord(
         hat = np.maximum(1 - np.abs(at - i), 0).reshape(last_axis)
         total = total + knots[i] * hat
     return total
+
+
+def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
+    """What each of a chord's steps gives to fewer points in the middle of equal parts.
+
+    Linear between points, so that Σ_s w_s g(s) = Σ_p (w @ to_points)_p g_p.
+    """
+    at = (np.arange(steps) + 0.5) / steps * points - 0.5
+    at = np.clip(at, 0, points - 1)[:, None]
+    return np.maximum(1 - np.abs(at - np.arange(points)), 0)
 
 
 def drift_m(

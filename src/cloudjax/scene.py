@@ -94,6 +94,10 @@ class BandRadiances(eqx.Module):
     reflective: Float[Array, "reflective rays"] | None
     emissive: Float[Array, "emissive rays"] | None
 
+    def __getitem__(self, index) -> "BandRadiances":
+        """Those of some of the rays."""
+        return jax.tree.map(lambda x: x[:, index], self)
+
 
 class Scene(eqx.Module):
     """All that is seen, but for where from.
@@ -137,6 +141,10 @@ class View(eqx.Module):
     air_k: tuple[Float[Array, "rays knots"], ...] | None
     sun_direction: Float[Array, "3"]
     layer_of: tuple[int, ...] = eqx.field(static=True)
+
+    def __getitem__(self, index) -> "View":
+        """That of some of the rays."""
+        return _with_its_sun(self, lambda x: x[index])
 
 
 def navigate(
@@ -205,6 +213,11 @@ class Sampled(eqx.Module):
     sun_direction: Float[Array, "3"]
     layer_of: tuple[int, ...] = eqx.field(static=True)
 
+    def __getitem__(self, index) -> "Sampled":
+        """Those of some of the rays."""
+        # Components come first, so that rays are the second axis of three.
+        return _with_its_sun(self, lambda x: x[:, index] if x.ndim == 3 else x[index])
+
 
 def sample(scene: Scene, view: View, textures: tuple) -> Sampled:
     """Sample each layer's textures along its ways.
@@ -216,7 +229,9 @@ def sample(scene: Scene, view: View, textures: tuple) -> Sampled:
             way,
             textures[i],
             steps=scene.layers[i].steps,
-            with_gradient=scene.reflective is not None,
+            with_gradient=(
+                scene.reflective is not None and scene.reflection.sees_slopes
+            ),
         )
         for i, way in zip(view.layer_of, view.ways, strict=True)
     )
@@ -234,12 +249,17 @@ def join(parts: Sequence[Sampled]) -> Sampled:
     """The samples of several sets of rays as those of one."""
 
     def together(*arrays):
-        # Components come first, so that rays are the second axis of three.
         return jnp.concatenate(arrays, axis=1 if arrays[0].ndim == 3 else 0)
 
-    sun = parts[0].sun_direction
-    bare = [eqx.tree_at(lambda p: p.sun_direction, p, None) for p in parts]
-    joined = jax.tree.map(together, *bare)
-    return eqx.tree_at(
-        lambda p: p.sun_direction, joined, sun, is_leaf=lambda x: x is None
-    )
+    return _with_its_sun(parts[0], together, *parts[1:])
+
+
+def _with_its_sun(whole, change: Callable, *others):
+    """A change to all leaves but the direction of the sun, which has no rays."""
+
+    def sun(x):
+        return x.sun_direction
+
+    bare = [eqx.tree_at(sun, x, None) for x in (whole, *others)]
+    changed = jax.tree.map(change, *bare)
+    return eqx.tree_at(sun, changed, whole.sun_direction, is_leaf=lambda x: x is None)

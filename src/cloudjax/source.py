@@ -18,14 +18,31 @@ class Occupancy(eqx.Module):
 
     - `fraction`: in [0, 1], for each of the possible sub-pixel structures.
     - `weights`: of those structures, adding up to 1.
-    - `gradient`: points into the cloud; needed for surface normals only.
-    - `slope_variance`: of each component of the gradient, below the resolution.
+    - `slopes`: of its surface; needed for normals only.
     """
 
     fraction: Float[Array, "nodes rays steps"]
     weights: Float[Array, " nodes"]
-    gradient: Float[Array, "3 rays steps"] | None
-    slope_variance: Float[Array, " rays"]
+    slopes: "Slopes | None"
+
+
+class Slopes(eqx.Module):
+    """How the cloud function rises into the cloud, at points in equal parts of rays.
+
+    What changes within few steps, and only with altitude, is told apart.
+
+    **Fields:**
+
+    - `gradient`: into the cloud, but for `rise`.
+    - `rise`: along the vertical, at each step.
+    - `up`: the vertical.
+    - `unresolved`: variance of each component of the gradient below the resolution.
+    """
+
+    gradient: Float[Array, "3 rays points"]
+    rise: Float[Array, "rays steps"]
+    up: Float[Array, "3 rays points"]
+    unresolved: Float[Array, " rays"]
 
 
 class AbstractCloudSource(eqx.Module):
@@ -59,6 +76,10 @@ class AbstractCloudSource(eqx.Module):
 
         **Returns:** a module that holds the `path`.
         """
+
+    @abc.abstractmethod
+    def likelihood(self, way) -> Float[Array, " rays"]:
+        """Of cloud anywhere on a way; rays of none need not be marched."""
 
     @abc.abstractmethod
     def sample(self, way, textures, *, steps: int, with_gradient: bool) -> Any:

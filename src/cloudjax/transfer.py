@@ -167,15 +167,15 @@ def _before(way: _Seen, others: Sequence[_Seen]) -> list[Float[Array, " rays"] |
 
 
 def _illumination(way: _Seen, sun: Float[Array, "3"]) -> Illumination:
-    surface = first_surface(
-        way.passed.absorbed(way.layer.extinction_per_m),
-        way.samples.distance_m,
-        cast(Array, way.passed.gradient),  # sampled wherever there are reflective bands
-        way.passed.slope_variance,
-        way.samples.up,
-        way.path.direction,
-    )
-    lit, shaded = surface.illumination(sun)
+    lit = shaded = None
+    if way.passed.slopes is not None:
+        surface = first_surface(
+            way.passed.absorbed(way.layer.extinction_per_m),
+            way.samples.distance_m,
+            way.passed.slopes,
+            way.path.direction,
+        )
+        lit, shaded = surface.illumination(sun)
     return Illumination(
         lit,
         shaded,
@@ -265,6 +265,12 @@ class CloudProducts(eqx.Module):
     optical_depth: Float[Array, " rays"]
     top_height_m: Float[Array, " rays"]
     share: Float[Array, "layers rays"]
+
+
+def clear_products(layers: int, rays: int) -> CloudProducts:
+    """Of rays that meet no cloud."""
+    none, no_height = jnp.zeros(rays), jnp.full(rays, jnp.nan)
+    return CloudProducts(none, none, no_height, jnp.zeros((layers, rays)))
 
 
 def products(scene: Scene, sampled: Sampled) -> CloudProducts:

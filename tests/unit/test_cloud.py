@@ -32,7 +32,7 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 def _samples(values, mask: Any = 0.0, altitude=2000.0, lost=(NOTHING, NOTHING)):
-    """`lost`: common, own and slope of each texture."""
+    """Over flat textures. `lost`: common, own and slope of each."""
     values = [jnp.asarray(v, float) for v in values]
     like = jnp.ones_like(values[0])
     return FractalSamples(
@@ -43,8 +43,8 @@ def _samples(values, mask: Any = 0.0, altitude=2000.0, lost=(NOTHING, NOTHING)):
         unresolved=tuple(
             Unresolved(*(jnp.full(len(like), part) for part in parts)) for parts in lost
         ),
-        up=None,
-        texture_gradients=None,
+        up=jnp.ones((3, len(like), 1)),
+        texture_gradients=(jnp.zeros((3, len(like), 1)),) * len(values),
     )
 
 
@@ -101,7 +101,8 @@ def _both_slopes(cloud, textures, way, step_m=0.5):
     """∇CF at the middle of each ray's chord, and central differences."""
     here = cloud.sample(way, textures, steps=3, with_gradient=True)
     f = cloud.function
-    found = f.gradient(here.texture_gradients, here.altitude_m, here.up)[..., 1]
+    rise = f.rise(here.altitude_m)[None, :, 1] * here.up[..., 1]
+    found = f.gradient(here.texture_gradients)[..., 1] + rise
     middle = way.texture_entry + way.texture_change[..., 0] / 2
     zero = jnp.zeros_like(here.altitude_m[:, 1:2])
 
@@ -126,7 +127,6 @@ def test_occupancy_is_a_gaussian_step_as_wide_as_the_smoothing():
     np.testing.assert_allclose(
         found.fraction[0], norm.cdf((values - barriers) / 0.3), atol=1e-5
     )
-    assert found.gradient is None
 
 
 def test_the_lost_variance_shifts_and_widens_the_level_set():
@@ -146,7 +146,8 @@ def test_the_lost_variance_shifts_and_widens_the_level_set():
     mean = np.tensordot(np.asarray(found.weights), np.asarray(found.fraction), 1)
     full = norm.cdf(cf / np.sqrt(0.2**2 + common + own))
     np.testing.assert_allclose(mean, full, atol=0.02)
-    np.testing.assert_allclose(found.slope_variance, 4e-9, rtol=1e-5)
+    assert found.slopes is not None
+    np.testing.assert_allclose(found.slopes.unresolved, 4e-9, rtol=1e-5)
 
 
 def test_a_single_node_takes_all_that_is_lost_for_width():

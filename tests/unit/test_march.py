@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import Latent, Occupancy
+from cloudjax import Latent, Occupancy, Slopes
 from cloudjax.march import first_surface, march
 from tests.helpers import numbers
 
@@ -14,8 +14,7 @@ def _occupancy(fraction, weights=(1.0,)) -> Occupancy:
     fraction = jnp.asarray(fraction, float)
     if fraction.ndim == 2:
         fraction = jnp.broadcast_to(fraction[None], (len(weights), *fraction.shape))
-    smooth = jnp.zeros(fraction.shape[1])
-    return Occupancy(fraction, numbers(*weights), None, smooth)
+    return Occupancy(fraction, numbers(*weights), None)
 
 
 @pytest.mark.parametrize("beta", [0.0, 1e-6, 1e-3, 0.05])
@@ -98,10 +97,8 @@ def _surface(absorbed, gradient, slope_variance=0.0, direction=(0.0, 0.0, -1.0))
     distance = (jnp.arange(steps, dtype=float) + 0.5)[None] * 10
     up = jnp.broadcast_to(numbers(0, 0, 1)[:, None, None], (3, 1, steps))
     along = jnp.asarray(gradient, float).T[:, None]
-    variance = numbers(slope_variance)
-    return first_surface(
-        absorbed, distance, along, variance, up, numbers(*direction)[None]
-    )
+    slopes = Slopes(along, jnp.zeros((1, steps)), up, numbers(slope_variance))
+    return first_surface(absorbed, distance, slopes, numbers(*direction)[None])
 
 
 def test_the_first_surface_is_where_all_light_stops():
@@ -116,6 +113,25 @@ def test_the_first_surface_of_haze_is_its_middle():
     surface = _surface(np.full(4, 0.1), np.tile([0, 1e-4, 0], (4, 1)))
     assert float(surface.distance_m[0, 0]) == pytest.approx(20.0)
     np.testing.assert_allclose(surface.normal[:, 0, 0], [0, -1, 0], atol=1e-4)
+
+
+def test_slopes_at_few_points_are_linear_in_between():
+    """8 steps and 2 points, of which each has the steps of its half, and of the other
+    those between the two."""
+    weights = np.array([0, 0, 0, 0.5, 0, 0, 0, 0.5])
+    gradient = jnp.asarray([[[1e-4, -3e-4]], [[0, 0]], [[0, 0]]], float)
+    rise = jnp.asarray([[0, 0, 0, 4e-4, 0, 0, 0, 0]], float)
+    up = jnp.broadcast_to(numbers(0, 0, 1)[:, None, None], (3, 1, 2))
+    surface = first_surface(
+        jnp.asarray(weights, float)[None, None],
+        jnp.arange(8.0)[None],
+        Slopes(gradient, rise, up, numbers(0.0)),
+        numbers(0, 0, -1)[None],
+    )
+    # Step 3 is three eighths of the way from the first point to the second.
+    first = 0.5 * (1e-4 + 3 / 8 * -4e-4) + 0.5 * -3e-4
+    expected = [-first, 0, -0.5 * 4e-4 + 1e-9]
+    np.testing.assert_allclose(surface.slope[:, 0, 0], expected, rtol=1e-3, atol=1e-10)
 
 
 def test_where_the_cloud_function_is_flat_the_vertical_decides():

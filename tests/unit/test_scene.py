@@ -166,7 +166,7 @@ def test_what_is_not_asked_is_not_computed(asked):
     )
     assert (samples.texture_gradients is not None) == asked
     assert (samples.up is not None) == asked
-    assert (occupancy.gradient is not None) == asked
+    assert (occupancy.slopes is not None) == asked
     assert (seen.reflective is not None) == asked
     assert (seen.emissive is None) == asked
 

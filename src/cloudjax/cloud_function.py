@@ -1,0 +1,94 @@
+"""The cloud function.
+
+Schinder et al. 2024, eq. (1), with standardised textures (their offsets b_i fold into
+the threshold T):
+
+    CF(x) = Σ m_i F_i(x'/LS_i) + g w(x) - a exp(-(z - z_b)/h) - a exp((z - z_t)/h) - T
+
+Multiplying m, g, a and T by one number moves no cloud. That gauge is fixed by holding
+the first weight at 1; and since a and h move the barriers as z_b and z_t do, a is held
+as well.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax.scipy.special import ndtr
+from jaxtyping import Array, Float
+
+
+# Past this many e-folds a barrier is shut; unclipped, exp overflows float32 at 88 and
+# turns gradients into NaN.
+_MAX_EFOLDS = 30.0
+
+
+class CloudFunction(eqx.Module):
+    """The parameters of eq. (1).
+
+    **Fields:**
+
+    - `weights`: m_i, one per texture, in units of CF; the first is held at 1.
+    - `mask_gain`: g, of the weather mask.
+    - `threshold`: T.
+    - `barrier_strength`: a, held at 1.
+    - `base_m`, `top_m`: altitudes z_b and z_t of the condensation barriers.
+    - `barrier_scale_m`: h.
+    - `smoothing`: s₀, width of the level set that remains without any footprint.
+    """
+
+    weights: Float[Array, " textures"]
+    mask_gain: Float[Array, ""]
+    threshold: Float[Array, ""]
+    barrier_strength: Float[Array, ""]
+    base_m: Float[Array, ""]
+    top_m: Float[Array, ""]
+    barrier_scale_m: Float[Array, ""]
+    smoothing: Float[Array, ""]
+
+    def __call__(
+        self,
+        texture_values: tuple[Float[Array, "rays steps"], ...],
+        mask: Float[Array, "rays steps"],
+        altitude_m: Float[Array, "rays steps"],
+    ) -> Float[Array, "rays steps"]:
+        """CF in the cloud where positive."""
+        below, above = self._barriers(altitude_m)
+        value = self.mask_gain * mask - below - above - self.threshold
+        # An explicit sum: a product with a weight vector, reduced, is miscompiled by
+        # one release of jax (docs/decisions.md).
+        for i, texture in enumerate(texture_values):
+            value = value + self.weights[i] * texture
+        return value
+
+    def gradient(
+        self, texture_gradients: tuple[Float[Array, "3 rays points"], ...]
+    ) -> Float[Array, "3 rays points"]:
+        """∇CF per metre, but for `rise`.
+
+        The mask varies over tens of kilometres: left out.
+        """
+        value = jnp.zeros_like(texture_gradients[0])
+        for i, texture in enumerate(texture_gradients):
+            value = value + self.weights[i] * texture
+        return value
+
+    def rise(
+        self, altitude_m: Float[Array, "rays steps"]
+    ) -> Float[Array, "rays steps"]:
+        """The part of ∇CF per metre that the barriers make, along the vertical."""
+        below, above = self._barriers(altitude_m)
+        return (below - above) / self.barrier_scale_m
+
+    def likelihood(self, mask: Float[Array, " rays"]) -> Float[Array, " rays"]:
+        """Of cloud in the middle of the layer under a mask, for normal textures."""
+        thickness = (self.top_m - self.base_m) / self.barrier_scale_m
+        barriers = 2 * self.barrier_strength * jnp.exp(-jnp.maximum(thickness, 0) / 2)
+        spread = jnp.sqrt(jnp.sum(self.weights**2) + self.smoothing**2)
+        return ndtr((self.mask_gain * mask - barriers - self.threshold) / spread)
+
+    def _barriers(self, altitude_m):
+        below = (self.base_m - altitude_m) / self.barrier_scale_m
+        above = (altitude_m - self.top_m) / self.barrier_scale_m
+        return (
+            self.barrier_strength * jnp.exp(jnp.minimum(below, _MAX_EFOLDS)),
+            self.barrier_strength * jnp.exp(jnp.minimum(above, _MAX_EFOLDS)),
+        )
