@@ -26,7 +26,7 @@ from cloudjax_fit.embedded import embedded_target
 from cloudjax_fit.fitting import SimulatedImage, simulate_image, versions
 from cloudjax_fit.histogram import distances
 from cloudjax_fit.model import background, build_scene, scene_parameters, weather_of
-from cloudjax_fit.objective import pose, stacked
+from cloudjax_fit.objective import pose
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
 from cloudjax_fit.solve import Solver
 from cloudjax_fit.target import Target
@@ -114,13 +114,13 @@ def run_renderings(target: Target, scene: Scene) -> list[dict]:
             weather,
             resolution=resolution,
         )
-        return np.asarray(stacked(seen.radiances), np.float64)
+        return np.asarray(scene.total(seen.radiances), np.float64)
 
     truth = run(*REFERENCE)
     cases = [(steps, resolution) for resolution in RESOLUTIONS for steps in STEPS]
     rows = [
         {"steps": steps, "resolution": resolution}
-        | _errors(target, run(steps, resolution), truth)
+        | _errors(scene.bands, run(steps, resolution), truth)
         for steps, resolution in cases
     ]
     seconds = {case: [] for case in cases}
@@ -140,9 +140,8 @@ def with_steps(scene: Scene, steps: int) -> Scene:
     return dataclasses.replace(scene, layers=layers)
 
 
-def _errors(target: Target, image: np.ndarray, truth: np.ndarray) -> dict:
+def _errors(bands: Sequence[int], image: np.ndarray, truth: np.ndarray) -> dict:
     """Of all pixels, over the standard deviation of the reference."""
-    bands = [b.number for b in [*target.reflective, *target.emissive]]
     rmse = np.sqrt(((image - truth) ** 2).mean(1)) / truth.std(1)
     w1 = [
         distances(known, seen).w1_over_std

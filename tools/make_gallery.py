@@ -131,7 +131,7 @@ def draw(name: str, pictures: Sequence[tuple[str, SensorImage]], png: Path) -> N
     figure, panels = plt.subplots(1, len(pictures), figsize=size, layout="compressed")
     for panel, (title, image) in zip(np.atleast_1d(panels), pictures, strict=True):
         emitted = title.startswith("10.3")
-        shown = image.shown[WINDOW if emitted else VISIBLE]
+        shown = image.band(WINDOW if emitted else VISIBLE).shown
         colours = mpl.colormaps["gray_r" if emitted else "gray"]
         high = float(np.nanpercentile(shown, 99.5))
         panel.imshow(

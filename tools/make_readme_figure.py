@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cloudjax_fit.image_file import band_title, shown
+from cloudjax_fit.band_image import BandImage
 from cloudjax_fit.prepare import prepare
 
 
@@ -43,15 +43,18 @@ def main(folder: str, results: str, output: str) -> None:
 
 
 def _draw_band(axes, band, images, weights) -> None:
-    values = [shown(np.asarray(image, float), band) for image in images]
-    low, high = np.nanpercentile(values[0][0], [0.5, 99.5])
-    for ax, (image, display) in zip(axes[:2], values, strict=True):
-        ax.imshow(image, cmap=display.colormap, vmin=low, vmax=high)
+    def of(radiance):
+        return BandImage(band, band.coefficients, np.asarray(radiance, float))
+
+    values = [of(image) for image in images]
+    low, high = np.nanpercentile(values[0].shown, [0.5, 99.5])
+    for ax, image in zip(axes[:2], values, strict=True):
+        ax.imshow(image.shown, cmap=image.display.colormap, vmin=low, vmax=high)
         ax.set(xticks=[], yticks=[])
-    axes[0].set_title(band_title(band), fontsize=10)
+    axes[0].set_title(values[0].title, fontsize=10)
     # The observed cloud pixels are known by their quantiles.
-    observed = shown(band.quantiles.equal_weights(), band)[0]
-    simulated = values[1][0].ravel()
+    observed = of(band.quantiles.equal_weights()).shown
+    simulated = values[1].shown.ravel()
     use = weights > 0
     first, last = np.percentile(observed, [0.1, 99.9])
     edges = np.linspace(first, last, 50)
@@ -66,7 +69,7 @@ def _draw_band(axes, band, images, weights) -> None:
         label="simulated",
     )
     axes[2].set_yticks([])
-    axes[2].set_xlabel(values[0][1].label, fontsize=8)
+    axes[2].set_xlabel(values[0].display.label, fontsize=8)
     axes[2].tick_params(labelsize=8)
 
 

@@ -61,7 +61,7 @@ def run_rows(
         "cloud pixels",
         f"{target.rule} ({target.cloud_fraction:.1%} of the good ones)",
     )
-    yield "sunlight", _use([b.number for b in target.reflective], "reflective band")
+    yield "sunlight", _use([b.number for b in target.sunlit], "reflective band")
     yield "emission", _use([b.number for b in target.emissive], "thermal band")
     yield from _layer_rows(run)
     yield "advection", _advection(run)

@@ -93,11 +93,12 @@ class Curve:
     stroke: Stroke
 
 
-def density_figure(curves: Sequence[Curve], units: str) -> str:
+def density_figure(curves: Sequence[Curve], label: str) -> str:
     """Histograms of the curves, each of unit area, as an SVG data URI.
 
     The first curve is the reference: the axis covers it, and follows the others only
-    as far again beyond it. What lies outside is stated in the legend.
+    as far again beyond it. What lies outside is stated in the legend. `label` is of the
+    axis, with units.
     """
     low, high = _common_range(curves)
     edges = np.linspace(low, high, N_BINS + 1)
@@ -105,15 +106,15 @@ def density_figure(curves: Sequence[Curve], units: str) -> str:
         figure, axes = _figure()
         for curve in curves:
             _draw_density(axes, curve, edges)
-        axes.set_xlabel(f"radiance ({units})")
-        axes.set_ylabel("density (1 / radiance unit)")
+        axes.set_xlabel(label)
+        axes.set_ylabel("density (1 / unit)")
         axes.set_xlim(low, high)
         axes.set_ylim(bottom=0)
         axes.legend(loc="upper right")
         return _svg_uri(figure)
 
 
-def difference_figure(curves: Sequence[Curve], units: str) -> str:
+def difference_figure(curves: Sequence[Curve], label: str) -> str:
     """Cumulative fraction of each curve less that of the first, as an SVG data URI.
 
     The area between a line and zero is its 1-Wasserstein distance. The axis is scaled
@@ -130,7 +131,7 @@ def difference_figure(curves: Sequence[Curve], units: str) -> str:
         for curve, difference in differences:
             label = _with_extreme(curve.label, difference, reach)
             axes.plot(radiance, difference, label=label, **_line(curve.stroke))
-        axes.set_xlabel(f"radiance ({units})")
+        axes.set_xlabel(label)
         axes.set_ylabel(f"CDF − CDF of {curves[0].label}")
         axes.set_xlim(low, high)
         axes.set_ylim(-reach, reach)

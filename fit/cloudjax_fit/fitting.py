@@ -23,7 +23,7 @@ from .model import (
     scene_parameters,
     weather_of,
 )
-from .objective import pose, stacked
+from .objective import pose
 from .parameters import Parameter, put_all, unbounded_of, values_of, with_overrides
 from .solve import OnStep, Solution, Solver
 from .target import Target
@@ -206,22 +206,20 @@ def simulate_image(
         resolution=resolution,
         with_products=True,
     )
-    seen, clouds = image.radiances, image.clouds
+    clouds = image.clouds
     assert clouds is not None
-    weights = eqx.filter_jit(target.rule.weights)(
-        seen, scene.reflective, scene.emissive
-    )
-    values = np.asarray(stacked(seen))
+    seen = scene.total(image.radiances)
+    weights = eqx.filter_jit(target.rule.weights)(seen, scene)
+    values = np.asarray(seen)
     radiance = np.full((len(values), hit.size), np.nan, values.dtype)
     radiance[:, hit] = values
     cloud = np.zeros(hit.size, values.dtype)
     cloud[hit] = np.asarray(weights)
     depth = np.zeros(hit.size, values.dtype)
     depth[hit] = np.asarray(clouds.optical_depth) / light_of(scene).share
-    bands = [b.number for b in [*target.reflective, *target.emissive]]
     shape = target.grid.shape
     return SimulatedImage(
-        tuple(bands),
+        scene.bands,
         radiance.reshape(-1, *shape),
         cloud.reshape(shape),
         depth.reshape(shape),

@@ -2,29 +2,22 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
-from matplotlib.figure import Figure
 
 import cloudjax_data
 from cloudjax import FixedGrid
-from cloudjax_data import (
-    GRID_MAPPING,
-    EmissiveCalibration,
-    fixed_grid_coordinates,
-)
+from cloudjax_data import GRID_MAPPING, fixed_grid_coordinates
 
-from .figures import BRIGHTNESS_TEMPERATURE, REFLECTANCE, Display
+from .band_image import BandImage, write_band_picture
 from .fitting import SimulatedImage, versions
 from .netcdf import write_netcdf
-from .sensor_band import SensorBand
+from .quantity import RADIANCE, Quantity
 from .staging import staged
-from .target import BandTarget, Target
+from .target import Target
 
 
 def image_dataset(
@@ -32,6 +25,7 @@ def image_dataset(
     target: Target,
     parameters: Mapping[str, float],
     seed: int,
+    quantities: Sequence[Quantity] = (RADIANCE,),
 ) -> xr.Dataset:
     """A CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`."""
     coordinates = fixed_grid_coordinates(data_grid(target.grid))
@@ -42,10 +36,9 @@ def image_dataset(
         attrs={"standard_name": "time", "long_name": "middle of the scan, UTC"},
     )
     variables = {
-        f"radiance_{target.bands[number].name}": radiance_array(
-            image.band(number), target.bands[number]
-        )
-        for number in sorted(image.bands)
+        name: array
+        for each in band_images(image, target)
+        for name, array in each.variables(quantities).items()
     }
     for array in variables.values():
         array.encoding["grid_mapping"] = GRID_MAPPING
@@ -71,6 +64,7 @@ def write_image_and_picture(
     target: Target,
     parameters: Mapping[str, float],
     seed: int,
+    quantities: Sequence[Quantity] = (RADIANCE,),
 ) -> None:
     """Write a netCDF file, and a PNG of the same name beside it.
 
@@ -78,66 +72,25 @@ def write_image_and_picture(
     """
     path = Path(path)
     with staged(path.parent, last=path.name) as aside:
-        picture = path.with_suffix(".png").name
-        write_picture(aside / picture, image, target)
-        write_netcdf(aside / path.name, image_dataset(image, target, parameters, seed))
+        write_band_picture(
+            aside / path.with_suffix(".png").name,
+            band_images(image, target),
+            f"{target.platform} {target.time:%Y-%m-%d %H:%M:%S} UTC, simulated",
+            panel_inches=4.6,
+            missing="#dbe6f2",
+        )
+        data = image_dataset(image, target, parameters, seed, quantities)
+        write_netcdf(aside / path.name, data)
 
 
-def write_picture(
-    path: str | os.PathLike[str], image: SimulatedImage, target: Target
-) -> None:
-    """Write one grey panel per band as PNG: white is bright, or cold."""
-    bands = [target.bands[number] for number in sorted(image.bands)]
-    rows, columns = target.grid.shape
-    height = 4.2 * min(max(rows / columns, 0.3), 2.0)
-    figure = Figure(figsize=(4.6 * len(bands), height + 0.5), layout="compressed")
-    panels = figure.subplots(1, len(bands), squeeze=False)[0]
-    for axes, band in zip(panels, bands, strict=True):
-        values, display = shown(image.band(band.number), band)
-        shades = matplotlib.colormaps[display.colormap].with_extremes(bad="#dbe6f2")
-        low, high = np.nanpercentile(values, [0.5, 99.5])
-        drawn = axes.imshow(values, cmap=shades, vmin=low, vmax=high)
-        axes.set_title(f"{band_title(band)}", fontsize=10)
-        axes.set_xticks([])
-        axes.set_yticks([])
-        figure.colorbar(drawn, ax=axes, label=display.label, fraction=0.046, pad=0.02)
-    figure.suptitle(
-        f"{target.platform} {target.time:%Y-%m-%d %H:%M:%S} UTC, simulated", fontsize=11
-    )
-    figure.savefig(path, dpi=120, bbox_inches="tight", metadata={"Software": None})
-
-
-def band_title(band: BandTarget) -> str:
-    """Such as "C13 10.3 µm"."""
-    return f"{band.name} {band.wavelength_um:.3g} µm"
-
-
-def shown(
-    radiance: Float[np.ndarray, "y x"], band: BandTarget
-) -> tuple[Float[np.ndarray, "y x"], Display]:
-    """An image in the quantity that people look at, and how to draw it."""
-    if band.reflective:
-        return radiance * band.coefficients["kappa0"], REFLECTANCE
-    planck = EmissiveCalibration(**band.coefficients)
-    return planck.brightness_temperature_k(radiance), BRIGHTNESS_TEMPERATURE
-
-
-def radiance_array(
-    values: Float[np.ndarray, "y x"], band: BandTarget | SensorBand
-) -> xr.DataArray:
-    """A band's radiance with its CF attributes."""
-    per = "wavelength" if band.reflective else "wavenumber"
-    return xr.DataArray(
-        values.astype(np.float32),
-        dims=("y", "x"),
-        attrs={
-            "standard_name": f"toa_outgoing_radiance_per_unit_{per}",
-            "long_name": f"simulated radiance of ABI band {band.number}",
-            "units": band.units,
-            "abi_band": band.number,
-            "wavelength_um": band.wavelength_um,
-        },
-    )
+def band_images(image: SimulatedImage, target: Target) -> list[BandImage]:
+    """The radiances of each band, in the order of their numbers."""
+    return [
+        BandImage(
+            target.bands[number], target.bands[number].coefficients, image.band(number)
+        )
+        for number in sorted(image.bands)
+    ]
 
 
 def _cloud_weight(image: SimulatedImage) -> xr.DataArray:

@@ -36,9 +36,12 @@ from cloudjax import (
     TwoFlux,
     Weather,
 )
+from cloudjax.geodesy import up
+from cloudjax_data import sun_direction
 
 from .analysis import Analysis
 from .parameters import Parameter
+from .surface import Surface
 from .target import BandTarget, Target
 
 
@@ -61,6 +64,8 @@ START = {
 }
 PARTICLES = {"low_stratus": WATER, "cirrus": ICE}
 REFERENCE_BAND = 13
+# At most so much of a clear radiance at 3.9 µm is the sun's, or nothing would be warm.
+MOST_SUN = 0.8
 
 
 @dataclass(frozen=True)
@@ -118,7 +123,7 @@ def build_scene(
     )
     return Scene(
         layers=layers,
-        reflective=_reflective_bands(target.reflective),
+        reflective=_reflective_bands(target.sunlit),
         emissive=_emissive_bands(target.emissive),
         reflection=LIGHTS[light].reflection(),
         emission=LIGHTS[light].emission() if target.emissive else None,
@@ -133,7 +138,7 @@ def build_scene(
 def _layer(name: str, target: Target, seed: int, steps: int, share: float) -> Layer:
     base, top, scale, extinction = START[name]
     particles: Particles = PARTICLES[name]
-    sunlit = [b.number for b in target.reflective]
+    sunlit = [b.number for b in target.sunlit]
     thermal = [b.number for b in target.emissive]
     function = CloudFunction(
         weights=jnp.asarray([1.0, 0.5, 0.5]),
@@ -233,7 +238,7 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
                     0.2,
                 )
             )
-        for i, band in enumerate(target.reflective):
+        for i, band in enumerate(target.sunlit):
             path = float(scene.reflective.path[i])
             parameters += _reflective_air(i, band, path)
     if scene.emissive is not None:
@@ -280,6 +285,11 @@ def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
 
 
 def _reflective_air(i: int, band: BandTarget, path: float) -> list[Parameter]:
+    if not band.reflective:
+        return [
+            Parameter(f"air.sun_gain_{band.name}", lambda s: s.reflective.gain, 1.0,
+                      0.5, 1.5, 0.1, index=i),
+        ]  # fmt: skip
     return [
         Parameter(f"air.path_{band.name}", lambda s: s.reflective.path, path, -0.1, 0.3,
                   0.01 + 0.5 * path, index=i),
@@ -309,15 +319,37 @@ def weather_of(
 
 
 def background(target: Target, rays: Rays) -> BandRadiances:
-    """What rays see without cloud."""
+    """What rays see without cloud.
+
+    Clear pixels show what band 7 reflects and emits as one: by day the sun's part is
+    that of the surface's table, and what is left is emission.
+    """
     ground, _ = rays.ground(target.grid.ellipsoid)
+    place = ground.latitude_deg, ground.longitude_deg
     grid = LatLonGrid.from_axes(target.latitude_deg, target.longitude_deg)
+    maps = np.stack([band.background for band in target.bands.values()], axis=-1)
+    seen = dict(zip(target.bands, np.asarray(grid.sample(maps, *place)).T, strict=True))
+    sunlit = {
+        band.number: seen[band.number]
+        if band.reflective
+        else _reflected(band, target.time, seen[band.number], *place)
+        for band in target.sunlit
+    }
+    emitted = {
+        band.number: seen[band.number] - sunlit.get(band.number, 0.0)
+        for band in target.emissive
+    }
 
-    def behind(bands: Sequence[BandTarget]):
-        if not bands:
-            return None
-        maps = np.stack([band.background for band in bands], axis=-1)
-        at_rays = grid.sample(maps, ground.latitude_deg, ground.longitude_deg)
-        return jnp.asarray(np.asarray(at_rays).T, float)
+    def rows(parts):
+        return _stack(list(parts.values())) if parts else None
 
-    return BandRadiances(behind(target.reflective), behind(target.emissive))
+    return BandRadiances(rows(sunlit), rows(emitted))
+
+
+def _reflected(band: BandTarget, time, seen, latitude_deg, longitude_deg):
+    """The sun's part of a clear radiance, by the table of the surface."""
+    vertical = up(latitude_deg, longitude_deg)
+    height = np.maximum((vertical * sun_direction(time)).sum(-1), 0)
+    (albedo,) = Surface().reflectance([band.number], latitude_deg, longitude_deg)
+    reflected = albedo * height / band.coefficients["kappa0"]
+    return np.minimum(reflected, MOST_SUN * seen)

@@ -47,7 +47,7 @@ class Problem(eqx.Module):
 
     - `scene`: at the parameters' defaults.
     - `sampled`, `background`: of the rays.
-    - `bins`, `observed`: of each band, reflective ones first: [bands] and [bands bins].
+    - `bins`, `observed`: of each of the scene's bands: [bands] and [bands bins].
     - `cloud_fraction`: observed, of the whole image.
     - `block_of_ray`, `block_rays`: the block of the image that each ray is in, and the
       number of rays in each block.
@@ -67,25 +67,14 @@ class Problem(eqx.Module):
     parameters: tuple[Parameter, ...] = eqx.field(static=True)
     rule: CloudRule = eqx.field(static=True)
 
-    @property
-    def bands(self) -> tuple[int, ...]:
-        groups = (self.scene.reflective, self.scene.emissive)
-        return tuple(n for group in groups if group is not None for n in group.numbers)
-
 
 def simulate(
     problem: Problem, values: Float[Array, " parameters"]
 ) -> tuple[Float[Array, "bands rays"], Float[Array, " rays"]]:
     """Radiances of the rays and the share of each that is selected as cloud."""
     scene = put_all(problem.scene, problem.parameters, values)
-    seen = radiances(scene, problem.sampled, problem.background)
-    weights = problem.rule.weights(seen, scene.reflective, scene.emissive)
-    return stacked(seen), weights
-
-
-def stacked(seen: BandRadiances) -> Float[Array, "bands rays"]:
-    """All bands in one array, the reflective ones first."""
-    return jnp.concatenate(jax.tree.leaves(seen))
+    seen = scene.total(radiances(scene, problem.sampled, problem.background))
+    return seen, problem.rule.weights(seen, scene)
 
 
 def residuals(
@@ -140,7 +129,7 @@ def pose(
         resolution=resolution,
     )
     block = block_of_pixels(target.grid.shape, target.blocks)[pixels]
-    bands = [*target.reflective, *target.emissive]
+    bands = [target.bands[number] for number in scene.bands]
     bins = Bins(
         jnp.asarray([b.low for b in bands]),
         jnp.asarray([b.high for b in bands]),

@@ -14,11 +14,13 @@ from cloudjax_data import (
     AbiScene,
     DataError,
     ReflectiveCalibration,
+    earth_sun_distance_au,
     sun_direction,
 )
 
 from .histogram import quantiles
 from .selection import CloudRule, default_rule
+from .sensor_band import nominal_bands
 from .target import BINS, BandTarget, Target, block_of_pixels
 
 
@@ -61,7 +63,7 @@ def observe(
     images = {number: band.radiance for number, band in scene.bands.items()}
     grid = navigation_grid(next(iter(scene.bands.values())))
     good = np.logical_and.reduce([band.good for band in scene.bands.values()])
-    day = _require_light(scene, grid)
+    day = _is_light(scene, grid)
     if rule is None:
         rule = _rule(scene, day)
     temperature = {
@@ -92,7 +94,9 @@ def observe(
         grid=grid,
         rule=rule,
         bands={
-            n: _band_target(band, cloud, good & ~cloud, block, count, cells, grid)
+            n: _band_target(
+                band, cloud, good & ~cloud, block, count, cells, grid, day=day
+            )
             for n, band in scene.bands.items()
         },
         latitude_deg=cells.latitude_deg,
@@ -108,7 +112,7 @@ def _folder(scene: AbiScene) -> str:
     return next(iter(scene.bands.values())).path.parent.name
 
 
-def _require_light(scene: AbiScene, grid: FixedGrid) -> bool:
+def _is_light(scene: AbiScene, grid: FixedGrid) -> bool:
     """Whether the sun is up; an error if it is not but reflective bands are asked."""
     dark = [
         n
@@ -124,7 +128,7 @@ def _require_light(scene: AbiScene, grid: FixedGrid) -> bool:
             f"{_folder(scene)} is dark (the sun stands at {highest:.0f} deg at most), "
             f"so that bands {dark} see no cloud: fit bands of 7 to 16 alone."
         )
-    return bool(dark)
+    return highest >= LOWEST_SUN_DEG
 
 
 def _rule(scene: AbiScene, day: bool) -> CloudRule:
@@ -215,7 +219,9 @@ def _fraction(cells, grid, shell, good, cloud) -> Float[np.ndarray, "lat lon"]:
     return np.clip(_mean_of_cells(total, count, fill=True), 0, 1)
 
 
-def _band_target(band, cloud, clear, block, count, cells, grid) -> BandTarget:
+def _band_target(
+    band, cloud, clear, block, count, cells, grid, *, day: bool
+) -> BandTarget:
     radiance = np.asarray(band.radiance, np.float64)
     table = quantiles(radiance[cloud])
     span = table.values[-1] - table.values[0]
@@ -239,7 +245,7 @@ def _band_target(band, cloud, clear, block, count, cells, grid) -> BandTarget:
         number=band.number,
         wavelength_um=band.wavelength_um,
         units=band.units,
-        coefficients=_coefficients(band),
+        coefficients=_coefficients(band, day),
         quantiles=table,
         low=float(low),
         high=float(high),
@@ -248,8 +254,16 @@ def _band_target(band, cloud, clear, block, count, cells, grid) -> BandTarget:
     )
 
 
-def _coefficients(band: AbiBand) -> dict[str, float]:
+def _coefficients(band: AbiBand, day: bool) -> dict[str, float]:
     c = band.calibration
     if isinstance(c, ReflectiveCalibration):
-        return {"kappa0": c.reflectance_per_radiance}
-    return {name: getattr(c, name) for name in ("fk1", "fk2", "bc1", "bc2")}
+        # The files round kappa0 to five digits.
+        d, irradiance = c.earth_sun_distance_au, c.solar_irradiance_w_m2_um
+        return {"kappa0": np.pi * d**2 / irradiance}
+    planck = {name: getattr(c, name) for name in ("fk1", "fk2", "bc1", "bc2")}
+    # Files of band 7 have no solar irradiance.
+    nominal = nominal_bands()[band.number]
+    if not (day and nominal.sunlit):
+        return planck
+    known = nominal.coefficients(earth_sun_distance_au(band.time))
+    return planck | {"kappa0": known["kappa0"]}

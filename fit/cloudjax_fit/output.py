@@ -1,5 +1,6 @@
 """The files of a fit: numbers, parameters, image and report, all or none of them."""
 
+import dataclasses
 import json
 import math
 import os
@@ -12,9 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from .band_image import BandImage
 from .fitting import FitResult, versions
 from .histogram import Distances
-from .image_file import band_title, image_dataset, shown
+from .image_file import image_dataset
 from .model import LIGHTS, PARTICLES
 from .netcdf import write_netcdf
 from .parameter_file import parameters_text
@@ -239,20 +241,22 @@ def _status_sentence(result: FitResult) -> str:
 
 def _band_report(result: FitResult, number: int, observed: Images) -> BandReport:
     band = result.target.bands[number]
-    simulated, display = shown(result.image.band(number), band)
-    seen = shown(observed[number], band)[0] if number in observed else None
+    simulated = BandImage(band, band.coefficients, result.image.band(number))
+    seen = None
+    if number in observed:
+        seen = dataclasses.replace(simulated, radiance=observed[number]).shown
     return BandReport(
         number=number,
-        name=band_title(band),
+        name=simulated.title,
         units=band.units,
         observed=band.quantiles,
         simulated_start=_pixels(result.start, number),
         simulated_fit=_pixels(result.image, number),
         distances_start=result.distances_start[number],
         distances_fit=result.distances_fit[number],
-        display=display,
+        display=simulated.display,
         observed_image=seen,
-        simulated_image=simulated,
+        simulated_image=simulated.shown,
     )
 
 

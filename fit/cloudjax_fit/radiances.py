@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float, Num
 
 from .histogram import Distances, distances
+from .quantity import RADIANCE, Quantity, parse_variable
 
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from cloudjax_data import AbiBand
 
 
-_SIMULATED = re.compile(r"radiance_C\d\d$")
 _MULTIBAND = re.compile(r"CMI_C(\d\d)$")
 
 
@@ -29,12 +29,14 @@ _MULTIBAND = re.compile(r"CMI_C(\d\d)$")
 class BandRadiances:
     """Radiances of one ABI band, in `units`, NaN where there is none.
 
-    `values` are an image `[y, x]`, or pixels without places `[n]`.
+    Or another `quantity`, where a file has no radiances. `values` are an image
+    `[y, x]`, or pixels without places `[n]`.
     """
 
     number: int
     units: str
     values: Num[np.ndarray, "_ _"] | Num[np.ndarray, " _"]
+    quantity: Quantity = RADIANCE
 
     def pixels(self) -> Float[np.ndarray, " n"]:
         """The finite radiances, without their places, in float64."""
@@ -50,7 +52,8 @@ def read_radiances(path: str | PathLike[str]) -> dict[int, BandRadiances]:
     """Reads every band that a path holds, keyed by band number.
 
     `path` is a scene folder, one ABI file, or a netCDF file that cloudjax wrote: one
-    variable `radiance_C13` per band, with the attributes `units` and `abi_band`.
+    variable `radiance_C13` per band, with the attributes `units` and `abi_band`. Where
+    a band has none, `reflectance_C01` or `brightness_temperature_C13` is read.
 
     Raises `cloudjax_data.DataError`, one sentence that names the file and the remedy,
     for anything else.
@@ -99,7 +102,8 @@ def compare(
     Bands that only one of them holds are left out, with a warning in the result.
 
     Raises `cloudjax_data.DataError` when there is no band in common, when the two give
-    a band in different units, or when one of them has no valid pixel in it.
+    a band as different quantities or in different units, or when one of them has no
+    valid pixel in it.
     """
     shared = sorted(a.keys() & b.keys())
     _check_some_shared(a, b, names)
@@ -163,6 +167,11 @@ def _check_comparable(
 ) -> None:
     from cloudjax_data import DataError
 
+    if a.quantity is not b.quantity:
+        raise DataError(
+            f"{names[0]} gives {a.quantity.words} in band {a.number} and {names[1]} "
+            f"{b.quantity.words}: render both with the same --quantity."
+        )
     if a.units.split() != b.units.split():
         raise DataError(
             f"{names[0]} gives band {a.number} in '{a.units}' and {names[1]} in "
@@ -209,7 +218,7 @@ def _read_file(path: Path) -> dict[int, BandRadiances]:
 
     with _open_dataset(path) as dataset:
         names = {str(name) for name in dataset.data_vars}
-        if any(_SIMULATED.match(name) for name in names):
+        if any(map(parse_variable, names)):
             return _simulated_bands(dataset, path)
     if {"Rad", "CMI"} & names:
         return _of_abi([read_band(path)])
@@ -243,14 +252,19 @@ def _open_dataset(path: Path) -> "Iterator[xr.Dataset]":
 def _simulated_bands(dataset: "xr.Dataset", path: Path) -> dict[int, BandRadiances]:
     import xarray as xr
 
+    held = {name: parse_variable(str(name)) for name in dataset.data_vars}
+    known = {name: found for name, found in held.items() if found is not None}
+    # Radiances last: they replace what else there is of a band.
+    names = sorted(known, key=lambda name: known[name][0] is RADIANCE)
     bands = {}
-    names = [name for name in dataset.data_vars if _SIMULATED.match(str(name))]
-    for name, variable in xr.decode_cf(dataset[names], decode_times=False).items():
-        number = int(str(name)[-2:])
+    decoded = xr.decode_cf(dataset[names], decode_times=False)
+    for name in names:
+        quantity, number = known[name]
+        variable = decoded[name]
         _check_attributes(variable, number, path)
         units = str(variable.attrs["units"])
-        bands[number] = BandRadiances(number, units, variable.to_numpy())
-    return bands
+        bands[number] = BandRadiances(number, units, variable.to_numpy(), quantity)
+    return dict(sorted(bands.items()))
 
 
 def _check_attributes(variable: "xr.DataArray", number: int, path: Path) -> None:

@@ -23,6 +23,7 @@ from jaxtyping import Num
 from . import figures
 from .figures import Curve, Display, Stroke
 from .histogram import Distances, Pixels, Quantiles, sample_of
+from .quantity import RADIANCE, Quantity
 from .radiances import BandComparison, Comparison, comparison_json
 
 
@@ -245,8 +246,9 @@ def _fit_band(band: BandReport) -> _BandView:
 
 
 def _compared_band(band: BandComparison) -> _BandView:
+    quantity = band.a.quantity
     display = Display(
-        f"radiance ({_pretty(band.units)})", band.number >= FIRST_THERMAL_BAND
+        f"{quantity.words} ({_pretty(band.units)})", band.number >= FIRST_THERMAL_BAND
     )
     images = [(label, each.image()) for label, each in [("A", band.a), ("B", band.b)]]
     return _band_view(
@@ -258,6 +260,7 @@ def _compared_band(band: BandComparison) -> _BandView:
         ],
         images=images,
         display=display,
+        quantity=quantity,
     )
 
 
@@ -267,8 +270,10 @@ def _band_view(
     curves: Sequence[tuple[str, Curve | None]],
     images: Sequence[tuple[str, Image | None]],
     display: Display,
+    quantity: Quantity = RADIANCE,
 ) -> _BandView:
     units = _pretty(band.units)
+    axis = f"{quantity.words} ({units})"
     drawn = [curve for _, curve in curves if curve is not None]
     has_reference = curves[0][1] is not None
     shown = [(title, image) for title, image in images if image is not None]
@@ -277,12 +282,12 @@ def _band_view(
         name=band.name,
         units=units,
         columns=columns,
-        density=figures.density_figure(drawn, units) if drawn else None,
-        difference=figures.difference_figure(drawn, units) if has_reference else None,
+        density=figures.density_figure(drawn, axis) if drawn else None,
+        difference=figures.difference_figure(drawn, axis) if has_reference else None,
         images=figures.images_figure(shown, display) if shown else None,
         n_images=len(shown),
         remarks=[
-            f"The radiances of “{label}” hold no finite pixel and are not drawn."
+            f"The pixels of “{label}” hold no finite pixel and are not drawn."
             for label, curve in curves
             if curve is None
         ],

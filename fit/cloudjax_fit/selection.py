@@ -7,14 +7,13 @@ histograms are of the same kind of pixel and the fit has a derivative.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from cloudjax import BandRadiances, EmissiveBands, ReflectiveBands
+from cloudjax import Scene
 
 
 # Reflectance factor from which a pixel counts as cloud, by band, in the order in which
@@ -70,29 +69,30 @@ class CloudRule:
         return np.logical_or.reduce(parts)
 
     def weights(
-        self,
-        seen: BandRadiances,
-        reflective: ReflectiveBands | None,
-        emissive: EmissiveBands | None,
+        self, radiance: Float[Array, "bands rays"], scene: Scene
     ) -> Float[Array, " rays"]:
-        """The softly selected share of each simulated pixel."""
+        """The softly selected share of each simulated pixel.
+
+        **Arguments:** `radiance`: in each of `scene.bands`.
+        """
         clear = jnp.asarray(1.0)
+        reflective, emissive = scene.reflective, scene.emissive
         if self.bright_band is not None and reflective is not None:
             i = reflective.numbers.index(self.bright_band)
-            reflectance = reflective.reflectance(cast(Array, seen.reflective))[i]
+            seen = radiance[scene.bands.index(self.bright_band)]
+            reflectance = seen * reflective.reflectance_per_radiance[i]
             clear = clear * jax.nn.sigmoid(
                 (self.bright_reflectance - reflectance) / BRIGHT_WIDTH
             )
         if self.cold_band is not None and emissive is not None:
             i = emissive.numbers.index(self.cold_band)
+            seen = radiance[scene.bands.index(self.cold_band)]
             # In radiance, which unlike temperature is smooth down to nothing.
             edge, warmer = (
                 emissive.planck(jnp.asarray(self.cold_temperature_k + step))[i]
                 for step in (0.0, COLD_WIDTH_K)
             )
-            clear = clear * jax.nn.sigmoid(
-                (cast(Array, seen.emissive)[i] - edge) / (warmer - edge)
-            )
+            clear = clear * jax.nn.sigmoid((seen - edge) / (warmer - edge))
         return 1 - clear
 
 
@@ -102,9 +102,11 @@ def default_rule(bands: list[int], *, day: bool) -> CloudRule:
     **Raises:** `ValueError` if none of the bands tells cloud from surface.
     """
     bright = next((b for b in BRIGHT if day and b in bands), None)
-    cold = next((b for b in COLD_K if b in bands), None)
+    # By day the sun warms clouds in band 7.
+    telling = [b for b in COLD_K if not (day and b == 7)]
+    cold = next((b for b in telling if b in bands), None)
     if bright is None and cold is None:
-        usable = sorted([*BRIGHT, *COLD_K] if day else COLD_K)
+        usable = sorted([*BRIGHT, *telling] if day else telling)
         raise ValueError(
             f"none of the bands {bands} tells cloud from surface by "
             f"{'day' if day else 'night'}: add one of {usable}"

@@ -14,10 +14,9 @@ from cloudjax_data import DataError, EmissiveCalibration
 from .toml_table import NUMBER, WHOLE, checked, is_whole
 
 
-_SOLAR = "solar_irradiance_w_m2_um"
+# Of bands that only reflect, and of those that emit too: each in its file's units.
+_SOLAR = ("solar_irradiance_w_m2_um", "solar_irradiance_mw_m2_cm")
 _PLANCK = ("fk1", "fk2", "bc1", "bc2")
-# Band 7 sees the sun too, but its files hold emission's coefficients.
-LAST_REFLECTIVE = 6
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class SensorBand:
     - `number`: of the ABI band, 1 to 16, whose optics of cloud and ground it has.
     - `wavelength_um`: central wavelength.
     - `constants`: `solar_irradiance_w_m2_um` at 1 astronomical unit, or `fk1`, `fk2`,
-        `bc1`, `bc2`.
+        `bc1`, `bc2`; band 7 has the latter and `solar_irradiance_mw_m2_cm`.
     """
 
     number: int
@@ -37,8 +36,18 @@ class SensorBand:
     constants: Mapping[str, float]
 
     @property
+    def sunlit(self) -> bool:
+        """Whether it sees the sun by day."""
+        return self._solar is not None
+
+    @property
     def reflective(self) -> bool:
-        return self.number <= LAST_REFLECTIVE
+        """Whether it is looked at in reflectance: whether it does not emit."""
+        return "fk1" not in self.constants
+
+    @property
+    def _solar(self) -> float | None:
+        return next((self.constants[k] for k in _SOLAR if k in self.constants), None)
 
     @property
     def name(self) -> str:
@@ -50,10 +59,11 @@ class SensorBand:
         return REFLECTIVE_UNITS if self.reflective else EMISSIVE_UNITS
 
     def coefficients(self, earth_sun_distance_au: float = 1.0) -> dict[str, float]:
-        """`kappa0`, or `fk1`, `fk2`, `bc1`, `bc2`, as in an ABI file."""
-        if not self.reflective:
-            return dict(self.constants)
-        return {"kappa0": np.pi * earth_sun_distance_au**2 / self.constants[_SOLAR]}
+        """`kappa0` where it is sunlit, `fk1`, `fk2`, `bc1`, `bc2` where it emits."""
+        planck = {k: self.constants[k] for k in _PLANCK if k in self.constants}
+        if self._solar is None:
+            return planck
+        return planck | {"kappa0": np.pi * earth_sun_distance_au**2 / self._solar}
 
 
 def nominal_bands() -> dict[int, SensorBand]:
@@ -98,19 +108,20 @@ def _band(entry: Mapping[str, Any], where: str) -> SensorBand:
         f"{where}, band {chosen},",
     )
     own = {key: given[key] for key in constants if key in given}
-    if own and len(own) < len(constants):
+    if 0 < len(own.keys() & set(_PLANCK)) < len(_PLANCK):
         raise DataError(
-            f"{where} gives band {chosen} only some of {', '.join(constants)}: give "
-            "all or none."
+            f"{where} gives band {chosen} only some of {', '.join(_PLANCK)}: give all "
+            "or none."
         )
     wavelength = given.get("wavelength_um", nominal.wavelength_um)
-    band = SensorBand(chosen, wavelength, own or nominal.constants)
+    band = SensorBand(chosen, wavelength, {**nominal.constants, **own})
     _require_sound(band, where)
     return band
 
 
 def _require_sound(band: SensorBand, where: str) -> None:
-    if band.wavelength_um <= 0 or band.constants.get(_SOLAR, 1.0) <= 0:
+    irradiances = [band.constants[key] for key in _SOLAR if key in band.constants]
+    if min([band.wavelength_um, *irradiances]) <= 0:
         raise DataError(
             f"{where} gives band {band.number} a wavelength or irradiance that is not "
             "positive: correct it."

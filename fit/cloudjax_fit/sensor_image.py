@@ -1,26 +1,23 @@
 """What a sensor would see of a world, and its file and picture."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-import jax.numpy as jnp
-import matplotlib
 import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
-from matplotlib.figure import Figure
 
 from cloudjax import (
-    BandRadiances,
     CloudProducts,
     FixedGrid,
-    Scene,
     Weather,
     render,
 )
+from cloudjax.geodesy import up
+from cloudjax.rays import GroundPoints
 from cloudjax_data import (
     GRID_MAPPING,
     earth_sun_distance_au,
@@ -28,17 +25,20 @@ from cloudjax_data import (
     sun_direction,
 )
 
-from .figures import BRIGHTNESS_TEMPERATURE, REFLECTANCE, Display
+from .band_image import BandImage, write_band_picture
 from .fitting import versions
-from .image_file import data_grid, radiance_array
+from .image_file import data_grid
 from .model import LIGHTS
 from .netcdf import write_netcdf
+from .quantity import RADIANCE, Quantity
 from .sensor_band import SensorBand
 from .sensor_file import Sensor
 from .staging import staged
 from .world import World
 
 
+# Sine of the sun's height: at 6 degrees below the horizon clouds are dark as well.
+LEAST_SUN = -0.1
 # Less of a pixel than this is no cloud with a height or a class.
 LEAST_FRACTION = 0.05
 
@@ -51,7 +51,6 @@ class SensorImage:
 
     - `radiance`: by band, in its own units; NaN where a pixel sees neither Earth nor
       cloud.
-    - `shown`: the same as reflectance factor or brightness temperature in kelvin.
     - `latitude_deg`, `longitude_deg`: where pixels meet the ground, else NaN.
     - `cloud_fraction`, `cloud_optical_depth`, `cloud_top_height_m`: the last NaN where
       there is no cloud.
@@ -61,7 +60,6 @@ class SensorImage:
     sensor: Sensor
     time: datetime
     radiance: dict[int, Float[np.ndarray, "y x"]]
-    shown: dict[int, Float[np.ndarray, "y x"]]
     latitude_deg: Float[np.ndarray, "y x"]
     longitude_deg: Float[np.ndarray, "y x"]
     cloud_fraction: Float[np.ndarray, "y x"]
@@ -69,6 +67,12 @@ class SensorImage:
     cloud_top_height_m: Float[np.ndarray, "y x"]
     cloud_class: Int[np.ndarray, "y x"]
     class_names: tuple[str, ...]
+
+    def band(self, number: int) -> BandImage:
+        """The radiances of a band, with its coefficients of that date."""
+        band = self.sensor.bands[number]
+        distance = earth_sun_distance_au(self.time)
+        return BandImage(band, band.coefficients(distance), self.radiance[number])
 
 
 def render_sensor(
@@ -92,15 +96,16 @@ def render_sensor(
     **Raises:** `DataError` if the resolution is too coarse for a texture.
     """
     world.require_resolution(resolution)
-    scene = world.scene(bands, earth_sun_distance_au(time))
-    view = sensor.view
+    view, sun = sensor.view, sun_direction(time)
     ground, hit = view.rays().ground()
+    day = _is_day(ground, hit, sun)
+    scene = world.scene(bands, earth_sun_distance_au(time), day=day)
     # A fixed grid has much of space, a camera the limb and the sky with their clouds.
     pixels = np.flatnonzero(hit if isinstance(view, FixedGrid) else np.ones_like(hit))
     image = render(
         scene,
         lambda index: view.rays(pixels[index]),
-        sun_direction(time),
+        sun,
         lambda index: world.background(scene, view.rays(pixels[index]), time),
         world.weather(time) if weather is None else weather,
         rays=len(pixels),
@@ -108,38 +113,63 @@ def render_sensor(
         with_products=True,
         on_tile=on_tile,
     )
-    clouds = image.clouds
-    assert clouds is not None
-    cloudy = clouds.fraction > LEAST_FRACTION
-    something = hit[pixels] | cloudy
-
-    def on_grid(values, missing=np.nan):
-        whole = np.full(hit.size, missing, values.dtype)
-        whole[pixels] = values
-        return whole.reshape(view.shape)
-
-    radiance, shown = {}, {}
-    for number, values, looks in _by_band(scene, image.radiances):
-        radiance[number] = on_grid(np.where(something, values, np.nan))
-        shown[number] = on_grid(np.where(something, looks, np.nan))
+    assert image.clouds is not None
+    cloudy = image.clouds.fraction > LEAST_FRACTION
+    total = np.asarray(scene.total(image.radiances))
+    whole = _OnGrid(pixels, view.shape)
     return SensorImage(
         sensor=sensor,
         time=time,
-        radiance=radiance,
-        shown=shown,
+        radiance={
+            number: whole(np.where(hit[pixels] | cloudy, values, np.nan))
+            for number, values in zip(scene.bands, total, strict=True)
+        },
         latitude_deg=np.where(hit, ground.latitude_deg, np.nan).reshape(view.shape),
         longitude_deg=np.where(hit, ground.longitude_deg, np.nan).reshape(view.shape),
-        # Rounding leaves some below 0.
-        cloud_fraction=on_grid(np.clip(clouds.fraction, 0, 1)),
-        cloud_optical_depth=on_grid(clouds.optical_depth / LIGHTS[world.light].share),
-        cloud_top_height_m=on_grid(np.where(cloudy, clouds.top_height_m, np.nan)),
-        cloud_class=on_grid(_classes(clouds, cloudy), 0),
+        **_cloud_fields(image.clouds, cloudy, LIGHTS[world.light].share, whole),
         class_names=tuple(world.classes),
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _OnGrid:
+    """Puts values of some pixels in their places."""
+
+    pixels: Int[np.ndarray, " n"]
+    shape: tuple[int, int]
+
+    def __call__(self, values, missing=np.nan):
+        whole = np.full(self.shape, missing, values.dtype)
+        whole.reshape(-1)[self.pixels] = values
+        return whole
+
+
+def _cloud_fields(clouds: CloudProducts, cloudy, share: float, whole: _OnGrid):
+    """Those fields of an image that tell of its clouds."""
+    return {
+        # Rounding leaves some below 0.
+        "cloud_fraction": whole(np.clip(clouds.fraction, 0, 1)),
+        "cloud_optical_depth": whole(clouds.optical_depth / share),
+        "cloud_top_height_m": whole(np.where(cloudy, clouds.top_height_m, np.nan)),
+        "cloud_class": whole(_classes(clouds, cloudy), 0),
+    }
+
+
+def _is_day(ground: GroundPoints, hit, sun: Float[np.ndarray, "3"]) -> bool:
+    """Whether the sun can reach clouds anywhere in view, and so band 7 reflects.
+
+    Bands that reflect only are rendered at night too, and are dark then. Where all
+    rays miss the Earth nothing is known of the hour.
+    """
+    height = (up(ground.latitude_deg, ground.longitude_deg) * sun).sum(-1)
+    return not hit.any() or bool(height[hit].max() > LEAST_SUN)
+
+
 def write_sensor_image(
-    path: str | os.PathLike[str], image: SensorImage, world: World
+    path: str | os.PathLike[str],
+    image: SensorImage,
+    world: World,
+    quantities: Sequence[Quantity] = (RADIANCE,),
 ) -> None:
     """Write a CF netCDF file, and a PNG of the same name beside it.
 
@@ -148,15 +178,42 @@ def write_sensor_image(
     path = Path(path)
     with staged(path.parent, last=path.name) as aside:
         write_picture(aside / path.with_suffix(".png").name, image)
-        write_netcdf(aside / path.name, sensor_dataset(image, world))
+        write_netcdf(aside / path.name, sensor_dataset(image, world, quantities))
 
 
-def sensor_dataset(image: SensorImage, world: World) -> xr.Dataset:
-    """A CF-1.8 Dataset with radiances and cloud products.
+def sensor_dataset(
+    image: SensorImage, world: World, quantities: Sequence[Quantity] = (RADIANCE,)
+) -> xr.Dataset:
+    """A CF-1.8 Dataset with radiances, or other quantities, and cloud products.
 
     On `(y, x)` of the geostationary projection for a fixed grid, with latitudes and
     longitudes on `(y, x)` for a camera, whose `x` and `y` count pixels.
     """
+    view = image.sensor.view
+    variables = _products(image)
+    for number in image.radiance:
+        variables |= image.band(number).variables(quantities)
+    if isinstance(view, FixedGrid):
+        for variable in variables.values():
+            variable.encoding["grid_mapping"] = GRID_MAPPING
+    return xr.Dataset(
+        variables,
+        coords=_coordinates(image),
+        attrs={
+            "Conventions": "CF-1.8",
+            "title": "Simulated radiances and clouds",
+            "source": f"cloudjax {versions()['cloudjax']}",
+            "sensor": image.sensor.name,
+            "platform": image.sensor.platform,
+            "weather": ", ".join(cube.path.name for cube in world.series.cubes),
+            "seed": world.seed,
+            "steps": world.steps,
+            "light": world.light,
+        },
+    )
+
+
+def _coordinates(image: SensorImage) -> dict[str, xr.DataArray]:
     view = image.sensor.view
     if isinstance(view, FixedGrid):
         coordinates = fixed_grid_coordinates(data_grid(view))
@@ -172,79 +229,18 @@ def sensor_dataset(image: SensorImage, world: World) -> xr.Dataset:
         np.datetime64(image.time.replace(tzinfo=None), "ns"),
         attrs={"standard_name": "time"},
     )
-    variables = {
-        f"radiance_C{number:02d}": radiance_array(values, image.sensor.bands[number])
-        for number, values in image.radiance.items()
-    } | _products(image)
-    if isinstance(view, FixedGrid):
-        for variable in variables.values():
-            variable.encoding["grid_mapping"] = GRID_MAPPING
-    return xr.Dataset(
-        variables,
-        coords=coordinates,
-        attrs={
-            "Conventions": "CF-1.8",
-            "title": "Simulated radiances and clouds",
-            "source": f"cloudjax {versions()['cloudjax']}",
-            "sensor": image.sensor.name,
-            "platform": image.sensor.platform,
-            "weather": ", ".join(cube.path.name for cube in world.series.cubes),
-            "seed": world.seed,
-            "steps": world.steps,
-            "light": world.light,
-        },
-    )
+    return coordinates
 
 
 def write_picture(path: str | os.PathLike[str], image: SensorImage) -> None:
     """Grey panels of all bands as PNG: white is bright, or cold."""
-    rows, columns = image.sensor.view.shape
-    height = 6.5 * min(max(rows / columns, 0.3), 2.0)
-    count = len(image.shown)
-    figure = Figure(figsize=(7 * count, height + 0.6), layout="compressed")
-    panels = figure.subplots(1, count, squeeze=False)[0]
-    for axes, (number, values) in zip(panels, image.shown.items(), strict=True):
-        band = image.sensor.bands[number]
-        display: Display = REFLECTANCE if band.reflective else BRIGHTNESS_TEMPERATURE
-        shades = matplotlib.colormaps[display.colormap].with_extremes(bad="#10141a")
-        low, high = _shade_range(values, band)
-        drawn = axes.imshow(values, cmap=shades, vmin=low, vmax=high)
-        axes.set_title(f"{band.name} {band.wavelength_um:.3g} µm", fontsize=10)
-        axes.set_xticks([])
-        axes.set_yticks([])
-        figure.colorbar(drawn, ax=axes, label=display.label, fraction=0.046, pad=0.02)
-    figure.suptitle(
-        f"{image.sensor.name} {image.time:%Y-%m-%d %H:%M} UTC, simulated", fontsize=11
+    write_band_picture(
+        path,
+        [image.band(number) for number in image.radiance],
+        f"{image.sensor.name} {image.time:%Y-%m-%d %H:%M} UTC, simulated",
+        panel_inches=7.0,
+        missing="#10141a",
     )
-    figure.savefig(path, dpi=130, bbox_inches="tight", metadata={"Software": None})
-
-
-def _shade_range(values, band: SensorBand) -> tuple[float, float]:
-    known = values[np.isfinite(values)]
-    if not known.size:
-        return 0.0, 1.0
-    low, high = np.percentile(known, [0.5, 99.5])
-    return (0.0, max(high, 0.05)) if band.reflective else (low, high)
-
-
-def _by_band(scene: Scene, seen: BandRadiances):
-    """Number, radiance and what people look at, of each band."""
-    if scene.reflective is not None and seen.reflective is not None:
-        bands, radiance = scene.reflective, jnp.asarray(seen.reflective)
-        yield from zip(
-            bands.numbers,
-            np.asarray(radiance),
-            np.asarray(bands.reflectance(radiance)),
-            strict=True,
-        )
-    if scene.emissive is not None and seen.emissive is not None:
-        bands, radiance = scene.emissive, jnp.asarray(seen.emissive)
-        yield from zip(
-            bands.numbers,
-            np.asarray(radiance),
-            np.asarray(bands.brightness_temperature_k(radiance)),
-            strict=True,
-        )
 
 
 def _classes(clouds: CloudProducts, cloudy) -> Int[np.ndarray, " rays"]:

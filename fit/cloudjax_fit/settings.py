@@ -30,6 +30,7 @@ from .fitting import FitSettings
 from .model import DEFAULT_LIGHT, LIGHTS, build_scene, scene_parameters
 from .parameters import Parameter, with_overrides
 from .selection import BRIGHT, COLD_K, CloudRule, default_rule
+from .sensor_band import nominal_bands
 from .target import BandTarget, Target
 
 
@@ -213,8 +214,8 @@ def _widest(target: Target) -> Target:
 
 
 def _any_band(number: int, like: BandTarget) -> BandTarget:
-    names = ("kappa0",) if number <= 6 else ("fk1", "fk2", "bc1", "bc2")
-    return replace(like, number=number, coefficients=dict.fromkeys(names, 1.0))
+    band = nominal_bands()[number]
+    return replace(like, number=number, coefficients=band.coefficients())
 
 
 def _require_known(

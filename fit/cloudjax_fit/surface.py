@@ -12,6 +12,9 @@ the solar zenith angle.
   2009, Remote Sens. Environ. 113, 711; Meerdink et al. 2019, ibid. 230, 111196).
 - snow and ice: bright in the visible, about 0.05 at 2.13 µm (Moody et al. 2007, Remote
   Sens. Environ. 111, 337).
+- 3.9 µm: one less the emissivity of sea (Masuda et al. 1988, Remote Sens. Environ. 24,
+  313), plants and soil (Seemann et al. 2008, J. Appl. Meteorol. Climatol. 47, 108) and
+  snow (Dozier & Warren 1982, Water Resour. Res. 18, 1219).
 """
 
 import functools as ft
@@ -23,14 +26,15 @@ import numpy as np
 from jaxtyping import Float
 
 from cloudjax import LatLonGrid
+from cloudjax.optics import LAST_SUNLIT_BAND
 from cloudjax_data import WeatherCube
 
 
-# Bands 1 to 6: 0.47, 0.64, 0.87, 1.38, 1.61 and 2.25 µm.
-SEA = (0.045, 0.030, 0.015, 0.010, 0.008, 0.005)
-VEGETATION = (0.03, 0.06, 0.32, 0.24, 0.20, 0.11)
-BARE = (0.14, 0.26, 0.36, 0.42, 0.44, 0.40)
-SNOW = (0.80, 0.80, 0.70, 0.40, 0.10, 0.05)
+# Bands 1 to 7: 0.47, 0.64, 0.87, 1.38, 1.61, 2.25 and 3.9 µm.
+SEA = (0.045, 0.030, 0.015, 0.010, 0.008, 0.005, 0.02)
+VEGETATION = (0.03, 0.06, 0.32, 0.24, 0.20, 0.11, 0.04)
+BARE = (0.14, 0.26, 0.36, 0.42, 0.44, 0.40, 0.25)
+SNOW = (0.80, 0.80, 0.70, 0.40, 0.10, 0.05, 0.03)
 # About a third of all land is arid.
 BARE_SHARE = 1 / 3
 # Snow and ice cover half the ground at the middle, all of it at the lower end.
@@ -82,7 +86,7 @@ class Surface:
         latitude_deg: Float[np.ndarray, " points"],
         longitude_deg: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, "bands points"]:
-        """Lambertian albedo in reflective bands, by number from 1 to 6."""
+        """Lambertian albedo in bands that see the sun, by number from 1 to 7."""
         land = self.land_share(latitude_deg, longitude_deg)
         cold, warm = SNOW_K
         temperature = self.temperature_k(latitude_deg, longitude_deg)
@@ -94,6 +98,19 @@ class Surface:
             bare = land * ground + (1 - land) * SEA[i]
             rows.append(snow * SNOW[i] + (1 - snow) * bare)
         return np.stack(rows)
+
+    def emissivity(
+        self,
+        bands: Sequence[int],
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, "bands points"]:
+        """One less the albedo at 3.9 µm, one beyond, by number from 7 to 16."""
+        rows = np.ones((len(bands), len(latitude_deg)))
+        for row, band in zip(rows, bands, strict=True):
+            if band == LAST_SUNLIT_BAND:
+                row -= self.reflectance([band], latitude_deg, longitude_deg)[0]
+        return rows
 
     @ft.cached_property
     def _temperature(self) -> tuple[np.ndarray, LatLonGrid]:

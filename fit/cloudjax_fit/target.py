@@ -29,7 +29,8 @@ class BandTarget:
     **Fields:**
 
     - `number`, `wavelength_um`, `units`: of the band.
-    - `coefficients`: `kappa0`, or `fk1`, `fk2`, `bc1`, `bc2`, as in the file.
+    - `coefficients`: `kappa0` where it sees the sun, `fk1`, `fk2`, `bc1`, `bc2` where
+      it emits, as in the file; band 7 by day has all.
     - `quantiles`: of the cloud pixels' radiances.
     - `low`, `high`: the range of the histograms.
     - `block_counts`: histograms of the cloud pixels of each block of the image: what
@@ -48,8 +49,13 @@ class BandTarget:
     background: Float[np.ndarray, "lat lon"]
 
     @property
-    def reflective(self) -> bool:
+    def sunlit(self) -> bool:
         return "kappa0" in self.coefficients
+
+    @property
+    def reflective(self) -> bool:
+        """Whether it is looked at in reflectance: whether it does not emit."""
+        return "fk1" not in self.coefficients
 
     @property
     def name(self) -> str:
@@ -91,8 +97,8 @@ class Target:
         return float(self.block_cloud.sum() / self.block_valid.sum())
 
     @property
-    def reflective(self) -> list[BandTarget]:
-        return [band for band in self.bands.values() if band.reflective]
+    def sunlit(self) -> list[BandTarget]:
+        return [band for band in self.bands.values() if band.sunlit]
 
     @property
     def emissive(self) -> list[BandTarget]:

@@ -115,9 +115,14 @@ class World:
                 f"which need two voxels per cell: make it {needed} or more."
             )
 
-    def scene(self, bands: Sequence[SensorBand], distance_au: float = 1.0) -> Scene:
-        """All classes, for the bands of a sensor."""
-        reflective = [band for band in bands if band.reflective]
+    def scene(
+        self, bands: Sequence[SensorBand], distance_au: float = 1.0, *, day: bool = True
+    ) -> Scene:
+        """All classes, for the bands of a sensor.
+
+        **Arguments:** `day`: whether bands that emit see the sun as well.
+        """
+        sunlit = [b for b in bands if b.reflective or (day and b.sunlit)]
         emissive = [band for band in bands if not band.reflective]
         layers = tuple(
             _layer(
@@ -125,14 +130,14 @@ class World:
                 self.seed + 100 * i,
                 self.steps,
                 LIGHTS[self.light].share,
-                reflective,
+                sunlit,
                 emissive,
             )
             for i, one in enumerate(self.classes.values())
         )
         return Scene(
             layers=layers,
-            reflective=_reflective(reflective, distance_au),
+            reflective=_reflective(sunlit, distance_au),
             emissive=_emissive(emissive),
             reflection=LIGHTS[self.light].reflection(),
             emission=LIGHTS[self.light].emission() if emissive else None,
@@ -193,7 +198,9 @@ class World:
             reflective = scene.reflective.radiance(seen)
         if scene.emissive is not None:
             kelvin = jnp.asarray(self.surface.temperature_k(φ, λ), float)
-            emissive = jnp.where(hit, scene.emissive.planck(kelvin), 0)
+            emissivity = self.surface.emissivity(scene.emissive.numbers, φ, λ)
+            emitted = jnp.asarray(emissivity, float) * scene.emissive.planck(kelvin)
+            emissive = jnp.where(hit, emitted, 0)
         return BandRadiances(reflective, emissive)
 
     @ft.cached_property
@@ -298,19 +305,19 @@ def _layer(
     seed: int,
     steps: int,
     share: float,
-    reflective: Sequence[SensorBand],
+    sunlit: Sequence[SensorBand],
     emissive: Sequence[SensorBand],
 ) -> Layer:
     particles = _PARTICLES[one.particles](one.effective_radius_um)
-    sunlit = [band.number for band in reflective]
+    seen = [band.number for band in sunlit]
     thermal = [band.number for band in emissive]
     return Layer(
         cloud=one.cloud(seed),
         extinction_per_m=jnp.asarray(share * one.extinction_per_m, float),
         infrared_ratio=particles.infrared_ratio / share,
-        co_albedo=particles.co_albedo_in(sunlit),
-        asymmetry=particles.asymmetry_in(sunlit),
-        relative_extinction=particles.relative_extinction_in(sunlit),
+        co_albedo=particles.co_albedo_in(seen),
+        asymmetry=particles.asymmetry_in(seen),
+        relative_extinction=particles.relative_extinction_in(seen),
         relative_absorption=particles.relative_absorption_in(thermal),
         thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
         thermal_asymmetry=particles.thermal_asymmetry_in(thermal),

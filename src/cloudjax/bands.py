@@ -1,7 +1,8 @@
 """Spectral bands: radiance of reflected sunlight and of emission, in file units.
 
 Reflective bands are in W m⁻² sr⁻¹ µm⁻¹, emissive ones in mW m⁻² sr⁻¹ (cm⁻¹)⁻¹, as in
-ABI L1b files, whose own coefficients are the fields here.
+ABI L1b files, whose own coefficients are the fields here. Band 7 reflects and emits:
+both parts are in the units of its file, those of emission.
 """
 
 import equinox as eqx
@@ -19,7 +20,7 @@ class ReflectiveBands(eqx.Module):
     **Fields:**
 
     - `numbers`: of the bands.
-    - `reflectance_per_radiance`: κ₀ = π d² / E_sun.
+    - `reflectance_per_radiance`: κ₀ = π d² / E_sun, E_sun per radiance's own units.
     - `path`: reflectance factor of the air above the cloud.
     - `gain`: transmittance of that air, both ways, and the calibration.
     """

@@ -89,7 +89,10 @@ class Layer(eqx.Module):
 
 
 class BandRadiances(eqx.Module):
-    """Radiances of a set of rays in the units of the bands; None where not asked."""
+    """Radiances of a set of rays in the units of the bands; None where not asked.
+
+    A band that sees the sun and emits too has a row in each: `Scene.total` adds them.
+    """
 
     reflective: Float[Array, "reflective rays"] | None
     emissive: Float[Array, "emissive rays"] | None
@@ -106,7 +109,7 @@ class Scene(eqx.Module):
 
     - `layers`: in any order; their shells may overlap.
     - `reflective`, `emissive`: the bands that are asked; None leaves a part out of the
-      computation altogether.
+      computation altogether. A band may be in both, such as 3.9 µm by day.
     - `reflection`: the strategy for sunlight.
     - `temperature`: of the cloud, by altitude.
     - `emission`: how cloud scatters thermal radiation; None takes it for an absorber.
@@ -122,6 +125,23 @@ class Scene(eqx.Module):
     def __check_init__(self):
         if self.reflective is None and self.emissive is None:
             raise ValueError("A scene without bands shows nothing: ask at least one.")
+
+    @property
+    def bands(self) -> tuple[int, ...]:
+        """Numbers, each once: bands that see the sun, then those that only emit."""
+        groups = (self.reflective, self.emissive)
+        numbers = (n for group in groups if group is not None for n in group.numbers)
+        return tuple(dict.fromkeys(numbers))
+
+    def total(self, seen: BandRadiances) -> Float[Array, "bands rays"]:
+        """Reflected and emitted radiance together, one row for each of `bands`."""
+        rows: dict[int, Array] = {}
+        groups = (self.reflective, seen.reflective), (self.emissive, seen.emissive)
+        for bands, parts in groups:
+            if bands is not None and parts is not None:
+                for number, part in zip(bands.numbers, parts, strict=True):
+                    rows[number] = rows[number] + part if number in rows else part
+        return jnp.stack([rows[number] for number in self.bands])
 
 
 class View(eqx.Module):

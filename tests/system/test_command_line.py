@@ -150,11 +150,14 @@ def test_fit_report_and_render(scene, tmp_path):
     image = tmp_path / "image.nc"
     parameters = out / "parameters.toml"
     options = "--bands", "3,13", "--steps", "8", "--parameters", parameters
-    result = run("render", scene, "-o", image, *options)
+    asked = "--quantity", "radiance", "--quantity", "reflectance"
+    result = run("render", scene, "-o", image, *options, *asked)
     assert result.exit_code == 0, result.output
     assert image.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     with xr.open_dataset(image) as again, xr.open_dataset(out / "simulated.nc") as fit:
         np.testing.assert_allclose(again["radiance_C13"], fit["radiance_C13"], 1e-5)
+        assert float(again["reflectance_C03"].max()) < 1.5
+        assert "brightness_temperature_C13" not in again
 
 
 def test_settings_of_the_scene_and_of_the_command_line(scene, tmp_path, no_solver):

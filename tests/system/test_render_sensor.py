@@ -16,6 +16,7 @@ from tests.generated_grib import write_grib
 NOON = datetime(2019, 10, 27, 18, tzinfo=UTC)
 LEVELS = {1000: 110.0, 850: 1500.0, 700: 3000.0, 500: 5600.0, 300: 9200.0, 100: 16500.0}
 SMALL = ("--steps", "6", "--resolution", "32")
+ASKED = ("--bands", "2,7,13", "--quantity", "all")
 MESO = ("abi-meso-10km", "--centre", "20,-80")
 CLASS = """
 [{name}]
@@ -130,7 +131,7 @@ def inputs(folder: Path) -> tuple:
 @pytest.fixture(scope="module")
 def rendered(folder) -> Path:
     file = folder / "out.nc"
-    result = run("render", *MESO, *inputs(folder), "--bands", "2,13", "-o", file)
+    result = run("render", *MESO, *inputs(folder), *ASKED, "-o", file)
     assert result.exit_code == 0, result.output
     assert str(file) in result.stdout
     return file
@@ -141,6 +142,8 @@ def test_the_file_has_what_is_promised(rendered):
     units = {
         "radiance_C02": "W m-2 sr-1 um-1",
         "radiance_C13": "mW m-2 sr-1 (cm-1)-1",
+        "reflectance_C02": "1",
+        "brightness_temperature_C13": "K",
         "cloud_top_height": "m",
         "cloud_optical_depth": "1",
         "cloud_fraction": "1",
@@ -175,6 +178,25 @@ def test_the_clouds_agree_with_each_other(rendered):
         assert c13[kind == 2].mean() < c13[clear].mean()
 
 
+def test_low_cloud_shines_at_4_micrometres_by_day(rendered):
+    """One row: droplets return the sun and emit; crystals are darker and colder."""
+    with xr.open_dataset(rendered) as data:
+        assert "reflectance_C07" not in data
+        kind, whole = data["cloud_class"], data["cloud_fraction"] > 0.95
+        warmer = data["brightness_temperature_C07"] - data["brightness_temperature_C13"]
+        low = float(warmer.where(whole & (kind == 1)).mean())
+        clear = float(warmer.where(data["cloud_fraction"] < 0.05).mean())
+    assert 0 < clear < 8
+    assert low > clear + 10
+
+
+def test_a_quantity_that_no_band_has_is_refused(folder):
+    asked = "--bands", "13", "--quantity", "reflectance", "-o", folder / "none.nc"
+    result = run("render", *MESO, *inputs(folder), *asked)
+    assert "No band of 13 has a reflectance" in sentence_of(result)
+    assert not (folder / "none.nc").exists()
+
+
 def test_the_projection_is_that_of_the_satellite(rendered):
     with xr.open_dataset(rendered) as data:
         mapping = data[data["radiance_C02"].attrs["grid_mapping"]]
@@ -206,7 +228,7 @@ def test_the_file_opens_as_an_area(rendered):
 
 def test_the_same_seed_gives_the_same_values(rendered, folder):
     file = folder / "again.nc"
-    result = run("render", *MESO, *inputs(folder), "--bands", "2,13", "-o", file)
+    result = run("render", *MESO, *inputs(folder), *ASKED, "-o", file)
     assert result.exit_code == 0, result.output
     with xr.open_dataset(rendered) as first, xr.open_dataset(file) as second:
         xr.testing.assert_identical(first, second)

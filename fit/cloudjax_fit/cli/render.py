@@ -37,6 +37,14 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
     "--light",
     help="physical or paper.  [default: paper for a scene, physical for a sensor]",
 )
+@click.option(
+    "--quantity",
+    "quantities",
+    type=click.Choice(["radiance", "reflectance", "brightness-temperature", "all"]),
+    multiple=True,
+    default=["radiance"],
+    help="Of the file's variables; again for more.  [default: radiance]",
+)
 @click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
 @click.option(
@@ -66,22 +74,26 @@ def render(target, output, bands, weather, **options) -> None:
     Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
     and so on.
     """
+    path = _writable(output)
+    if not Path(target).is_dir():
+        _render_sensor(target, path, bands, weather, options)
+        return
+    if weather:
+        raise click.UsageError(
+            f"{target} is a scene, whose weather is in its folder: leave out --weather"
+        )
+    _refuse(_OF_SENSORS, options, f"{target} is a scene")
+    _render_scene(target, path, bands, options)
+
+
+def _writable(output: str) -> Path:
     from cloudjax_fit.staging import require_writable
 
     path = Path(output)
     if path.suffix != ".nc":
         raise click.UsageError(f"the output is a netCDF file, and {output} is not *.nc")
     require_writable(path.parent)
-    if Path(target).is_dir():
-        if weather:
-            raise click.UsageError(
-                f"{target} is a scene, whose weather is in its folder: leave out "
-                "--weather"
-            )
-        _refuse(_OF_SENSORS, options, f"{target} is a scene")
-        _render_scene(target, path, bands, options)
-    else:
-        _render_sensor(target, path, bands, weather, options)
+    return path
 
 
 def _refuse(names, options, because: str) -> None:
@@ -94,6 +106,7 @@ def _refuse(names, options, because: str) -> None:
 
 
 def _render_scene(scene: str, path: Path, bands, options) -> None:
+    from cloudjax_fit.band_image import chosen_quantities
     from cloudjax_fit.image_file import write_image_and_picture
     from cloudjax_fit.prepare import prepare
     from cloudjax_fit.rendering import render_run
@@ -106,17 +119,16 @@ def _render_scene(scene: str, path: Path, bands, options) -> None:
         },
         ignore_weather=options["ignore_weather"],
     )
+    quantities = chosen_quantities(options["quantities"], run.target.bands.values())
     image, values = render_run(run, options["parameters"])
-    write_image_and_picture(path, image, run.target, values, run.settings.fit.seed)
+    seed = run.settings.fit.seed
+    write_image_and_picture(path, image, run.target, values, seed, quantities)
     click.echo(f"{path} and {path.with_suffix('.png')}")
 
 
 def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
+    from cloudjax_fit.band_image import chosen_quantities
     from cloudjax_fit.sensor_file import read_sensor
-    from cloudjax_fit.sensor_image import render_sensor, write_sensor_image
-    from cloudjax_fit.world import open_world
-
-    from .progress import tile_progress
 
     _refuse(_OF_SCENES, options, f"{sensor} is no folder of a scene")
     view = read_sensor(
@@ -125,16 +137,31 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
         centre=options["centre"],
     )
     chosen = view.choose(bands)
+    quantities = chosen_quantities(options["quantities"], chosen)
     if not weather:
         raise click.UsageError(f"{sensor} needs clouds: give --weather GFS.grib2")
+    world = _world(weather, options)
+    resolution = 128 if options["resolution"] is None else options["resolution"]
+    world.require_resolution(resolution)
+    _render_frames(world, view, chosen, path, options, resolution, quantities)
+
+
+def _world(weather, options):
+    from cloudjax_fit.world import open_world
+
     given = {name: options[name] for name in ("seed", "steps", "light")}
-    world = open_world(
+    return open_world(
         weather,
         options["classes"],
         **{name: value for name, value in given.items() if value is not None},
     )
-    resolution = 128 if options["resolution"] is None else options["resolution"]
-    world.require_resolution(resolution)
+
+
+def _render_frames(world, view, chosen, path, options, resolution, quantities) -> None:
+    from cloudjax_fit.sensor_image import render_sensor, write_sensor_image
+
+    from .progress import tile_progress
+
     frames = options["frames"]
     start = options["time"] or world.series.times[0]
     start = start.replace(tzinfo=UTC)
@@ -152,7 +179,7 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
                 resolution=resolution,
                 on_tile=on_tile,
             )
-        write_sensor_image(file, image, world)
+        write_sensor_image(file, image, world, quantities)
         click.echo(f"{file} and {file.with_suffix('.png')}")
 
 

@@ -57,7 +57,8 @@ def test_nominal_bands_agree_with_planck():
     """fk1 = c1 ν³ and fk2 = c2 ν; 300 K of band 13 is 105.09 in its units."""
     bands = nominal_bands()
     for band in bands.values():
-        assert band.reflective == ("kappa0" in band.coefficients())
+        assert band.sunlit == ("kappa0" in band.coefficients())
+        assert band.reflective == ("fk1" not in band.coefficients())
     c = bands[13].coefficients()
     radiance = c["fk1"] / np.expm1(c["fk2"] / (c["bc1"] + c["bc2"] * 300.0))
     assert radiance == pytest.approx(105.09121, rel=1e-6)

@@ -46,7 +46,6 @@ def frame(view: FixedGrid | Camera, **given) -> SensorImage:
         "sensor": Sensor("test", "ABI", view, BANDS),
         "time": SCAN_START,
         "radiance": {2: both(20.0, 300.0), 13: both(100.0, 40.0)},
-        "shown": {2: both(0.04, 0.6), 13: both(295.0, 240.0)},
         "latitude_deg": both(20.0, 20.0),
         "longitude_deg": both(-80.0, -80.0),
         "cloud_fraction": both(0.0, 1.0),
@@ -99,7 +98,7 @@ def test_a_picture_is_white_where_it_is_bright_or_cold(tmp_path, world):
 
 def test_a_picture_of_nothing_can_be_drawn(tmp_path):
     dark = {2: np.full(GRID.shape, np.nan)}
-    write_picture(tmp_path / "out.png", frame(GRID, radiance=dark, shown=dark))
+    write_picture(tmp_path / "out.png", frame(GRID, radiance=dark))
     assert (tmp_path / "out.png").stat().st_size > 0
 
 
@@ -133,8 +132,26 @@ def test_a_disc_has_space_around_it_and_clouds_on_it(world):
     image = render_sensor(quick, sensor, [BANDS[13]], SCAN_START, resolution=16)
     seen = np.isfinite(image.latitude_deg)
     assert seen.tolist() == [[False, True, False], [True] * 3, [False, True, False]]
-    for values in (image.radiance[13], image.shown[13], image.cloud_fraction):
+    for values in (image.radiance[13], image.cloud_fraction):
         np.testing.assert_array_equal(np.isfinite(values), seen)
     assert not image.cloud_class[~seen].any()
     # One uniform air mass of 270 K.
-    assert image.shown[13][seen] == pytest.approx(270, abs=8)
+    assert image.band(13).shown[seen] == pytest.approx(270, abs=8)
+
+
+@pytest.mark.parametrize(("hour", "parts"), [(18, 2), (6, 1)], ids=["day", "night"])
+def test_band_7_sees_the_sun_by_day_only(world, monkeypatch, hour, parts):
+    """20 N 80 W: the sun is high at 18 UTC and far below the horizon at 6 UTC."""
+    made = []
+    scene_of = World.scene
+
+    def scene(self, *arguments, **options):
+        made.append(scene_of(self, *arguments, **options))
+        raise StopIteration
+
+    monkeypatch.setattr(World, "scene", scene)
+    sensor = Sensor("test", "ABI", GRID, BANDS)
+    with pytest.raises(StopIteration):
+        render_sensor(world, sensor, [BANDS[7]], SCAN_START.replace(hour=hour))
+    assert made[0].bands == (7,)
+    assert (made[0].reflective is not None) + (made[0].emissive is not None) == parts

@@ -113,3 +113,13 @@ def test_without_a_skin_the_lowest_air_above_ground_counts(
 
 def test_without_weather_the_standard_temperature():
     np.testing.assert_array_equal(Surface().temperature_k(*at((0, 0))), 288.15)
+
+
+def test_what_is_not_reflected_at_4_micrometres_is_emitted():
+    place = at((0.0, -140.0), (23.0, 10.0), (-89.0, 0.0))
+    (albedo,) = Surface().reflectance([7], *place)
+    assert albedo[0] == pytest.approx(SEA[6])
+    assert 0.1 < albedo[1] < 0.2
+    emissivity = Surface().emissivity([13, 7], *place)
+    np.testing.assert_array_equal(emissivity[0], 1)
+    np.testing.assert_allclose(emissivity[1], 1 - albedo)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from tests.generated_grib import write_grib
@@ -209,3 +210,22 @@ def test_too_few_voxels_for_a_texture_are_refused(tmp_path):
     made.require_resolution(128)
     with pytest.raises(DataError, match=r"too coarse.*make it 128 or more"):
         made.require_resolution(64)
+
+
+def test_band_7_reflects_and_emits_by_day_and_emits_by_night(tmp_path):
+    """Sea of albedo 0.02 and emissivity 0.98 under a high sun: one row, the sum."""
+    made = world(analysis(tmp_path))
+    rays = seen_from(0.0, -140.0)
+    seen = {}
+    for day in (True, False):
+        scene = made.scene([BANDS[7], BANDS[13]], day=day)
+        assert scene.bands == (7, 13)
+        assert (scene.reflective is not None) == day
+        seen[day] = np.asarray(scene.total(made.background(scene, rays, TIME)))[:, 0]
+    assert scene.emissive is not None
+    black = scene.emissive.planck(jnp.asarray([300 - 0.77 + 0.715]))[:, 0]
+    np.testing.assert_allclose(seen[False], black * np.array([0.98, 1.0]), rtol=3e-3)
+    sun = float((up(*np.array([[0.0], [-140.0]])) * sun_direction(TIME)).sum())
+    # 14.655 mW m⁻² (cm⁻¹)⁻¹ of sunlight, over π.
+    reflected = 0.02 * sun * 14.655 / np.pi
+    np.testing.assert_allclose(seen[True] - seen[False], [reflected, 0], rtol=1e-4)
