@@ -10,12 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
 
-from cloudjax import (
-    CloudProducts,
-    FixedGrid,
-    Weather,
-    render,
-)
+from cloudjax import BandRadiances, CloudProducts, FixedGrid, Scene, Weather, render
 from cloudjax.geodesy import up
 from cloudjax.rays import GroundPoints
 from cloudjax_data import (
@@ -98,8 +93,8 @@ def render_sensor(
     world.require_resolution(resolution)
     view, sun = sensor.view, sun_direction(time)
     ground, hit = view.rays().ground()
-    day = _is_day(ground, hit, sun)
-    scene = world.scene(bands, earth_sun_distance_au(time), day=day)
+    day, distance_au = _is_day(ground, hit, sun), earth_sun_distance_au(time)
+    scene = world.scene(bands, distance_au, day=day)
     # A fixed grid has much of space, a camera the limb and the sky with their clouds.
     pixels = np.flatnonzero(hit if isinstance(view, FixedGrid) else np.ones_like(hit))
     image = render(
@@ -115,15 +110,11 @@ def render_sensor(
     )
     assert image.clouds is not None
     cloudy = image.clouds.fraction > LEAST_FRACTION
-    total = np.asarray(scene.total(image.radiances))
     whole = _OnGrid(pixels, view.shape)
     return SensorImage(
         sensor=sensor,
         time=time,
-        radiance={
-            number: whole(np.where(hit[pixels] | cloudy, values, np.nan))
-            for number, values in zip(scene.bands, total, strict=True)
-        },
+        radiance=_radiance(scene, image.radiances, hit[pixels] | cloudy, whole),
         latitude_deg=np.where(hit, ground.latitude_deg, np.nan).reshape(view.shape),
         longitude_deg=np.where(hit, ground.longitude_deg, np.nan).reshape(view.shape),
         **_cloud_fields(image.clouds, cloudy, LIGHTS[world.light].share, whole),
@@ -142,6 +133,12 @@ class _OnGrid:
         whole = np.full(self.shape, missing, values.dtype)
         whole.reshape(-1)[self.pixels] = values
         return whole
+
+
+def _radiance(scene: Scene, seen: BandRadiances, known, whole: _OnGrid):
+    """By band, NaN where nothing is known."""
+    rows = zip(scene.bands, np.asarray(scene.total(seen)), strict=True)
+    return {number: whole(np.where(known, row, np.nan)) for number, row in rows}
 
 
 def _cloud_fields(clouds: CloudProducts, cloudy, share: float, whole: _OnGrid):
@@ -190,9 +187,11 @@ def sensor_dataset(
     longitudes on `(y, x)` for a camera, whose `x` and `y` count pixels.
     """
     view = image.sensor.view
-    variables = _products(image)
-    for number in image.radiance:
-        variables |= image.band(number).variables(quantities)
+    variables = {
+        name: array
+        for number in image.radiance
+        for name, array in image.band(number).variables(quantities).items()
+    } | _products(image)
     if isinstance(view, FixedGrid):
         for variable in variables.values():
             variable.encoding["grid_mapping"] = GRID_MAPPING
