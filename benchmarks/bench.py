@@ -22,7 +22,15 @@ from peers import llvm
 
 
 # Imported where they run: the processes of the peers import this file, too.
-PARTS = ("table3", "displacement", "derivatives", "fitting", "scaling", "startup")
+PARTS = (
+    "table3",
+    "mesoscale",
+    "displacement",
+    "derivatives",
+    "fitting",
+    "scaling",
+    "startup",
+)
 # The others compile for minutes, whatever their size.
 QUICK_PARTS = ("table3", "displacement", "startup")
 

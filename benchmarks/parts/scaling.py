@@ -57,7 +57,7 @@ def load(problem: Problem, cases: list[dict]) -> dict[str, Callable]:
 
 def _march(problem: Problem, pixels, steps, layers, bands) -> Callable[[], float]:
     some = Problem(pixels, problem.voxels, problem.steps, problem.fraction)
-    marching = ours.Marching(some, [(steps, NODES)], layers, bands)
+    marching = ours.disc(some, [(steps, NODES)], layers, bands)
     return lambda: sum(marching.run()["march"].values())
 
 

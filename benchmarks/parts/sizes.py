@@ -16,6 +16,7 @@ class Sizes:
     - `presets`: steps and nodes of cloudjax.
     - `truth_pixels`, `truth_parts`, `truth_steps`, `truth_voxels`: a random choice of
       pixels, hard rays per pixel and axis, steps, voxels per axis.
+    - `mesoscale_steps`, `mesoscale_presets`: of the peers and of cloudjax.
     - `map_degrees`, `map_steps`: of the displacement map.
     - `fit_rays`, `fit_evaluations`: of a fit, and how often scipy's may look.
     - `scan_pixels`, `scan_steps`, `scan_layers`, `scan_bands`: the first of each is
@@ -36,6 +37,8 @@ class Sizes:
     truth_parts: int = 8
     truth_steps: int = 200
     truth_voxels: int = 256
+    mesoscale_steps: int = 24
+    mesoscale_presets: tuple[tuple[int, int], ...] = ((6, 3), (12, 3), (24, 5))
     map_degrees: float = 0.25
     map_steps: int = 40
     fit_rays: int = 8192

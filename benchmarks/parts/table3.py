@@ -166,7 +166,7 @@ def measure(problem: Problem, peers: Sequence[str], sizes: Sizes) -> list[dict]:
                 },
                 "compile_seconds": cold["compile"][name],
                 "peak_mb": peak[ours.NAME],
-                "image": cold["images"][name],
+                "image": cold["images"][name][0],
             }
         )
     for entry in entries:

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .work import ECCENTRICITY2, EQUATOR_M, POLE_M, Clouds, Work
+from .work import ECCENTRICITY2, EQUATOR_M, POLE_M, Mask, Work
 
 
 def prepare(work: Work):
@@ -17,12 +17,12 @@ def prepare(work: Work):
     mask = jnp.asarray(work.clouds.mask.values)
     # Components apart: each is one run of memory.
     direction = tuple(jnp.asarray(x) for x in work.direction.T)
-    numbers = _numbers(work)
-    run = partial(render, steps=work.steps, clouds=_Static(work.clouds))
-    return lambda: np.asarray(run(direction, textures, mask, numbers))
+    arguments = numbers(work)
+    run = partial(render, steps=work.steps, axes=Axes(work.clouds.mask))
+    return lambda: np.asarray(run(direction, textures, mask, arguments))
 
 
-def _numbers(work: Work) -> dict:
+def numbers(work: Work) -> dict:
     """All that may change from run to run, as arguments of the compiled function."""
     c = work.clouds
     names = (
@@ -39,11 +39,11 @@ def _is_leaf(x) -> bool:
     return isinstance(x, tuple)
 
 
-class _Static:
-    """The mask's axes, which are compiled in."""
+class Axes:
+    """Those of a mask, which are compiled in."""
 
-    def __init__(self, clouds: Clouds):
-        self.first_deg, self.step_deg = clouds.mask.first_deg, clouds.mask.step_deg
+    def __init__(self, mask: Mask):
+        self.first_deg, self.step_deg = mask.first_deg, mask.step_deg
 
     def __hash__(self):
         return hash((self.first_deg, self.step_deg))
@@ -52,14 +52,14 @@ class _Static:
         return vars(self) == vars(other)
 
 
-@partial(jax.jit, static_argnames=("steps", "clouds"))
-def render(direction, textures, mask, p, *, steps: int, clouds: _Static):
+@partial(jax.jit, static_argnames=("steps", "axes"))
+def render(direction, textures, mask, p, *, steps: int, axes: Axes):
     """Reflectance factors of all rays."""
-    depth, cosine, _, height = march(direction, textures, mask, p, steps, clouds)
+    depth, cosine, _, height = march(direction, textures, mask, p, steps, axes)
     return shade(p["extinction_per_m"] * depth, cosine, height, p["indirect"])
 
 
-def march(direction, textures, mask, p, steps: int, clouds: _Static):
+def march(direction, textures, mask, p, steps: int, axes: Axes):
     """Way through cloud, n·s and altitude of the first surface, height of the sun."""
     origin = p["origin_m"]
     entry, length = chord(origin, direction, p["bottom_m"], p["ceiling_m"])
@@ -75,7 +75,7 @@ def march(direction, textures, mask, p, steps: int, clouds: _Static):
         x, y, z = at(k)
         sin_φ, cos_φ, _ = geodetic(x, y, z)
         latitude, longitude = jnp.arctan2(sin_φ, cos_φ), jnp.arctan2(y, x)
-        w = look_up(mask, clouds, jnp.degrees(latitude), jnp.degrees(longitude))
+        w = look_up(mask, axes, jnp.degrees(latitude), jnp.degrees(longitude))
         value = p["mask_gain"] * w + shape((x, y, z), textures, p)
         inside = (value > 0) & (length > 0)
         first = jnp.where(inside & (first < 0), k, first)
@@ -134,11 +134,11 @@ def _lerp(a, b, t):
     return a + t * (b - a)
 
 
-def look_up(mask, clouds: _Static, latitude_deg, longitude_deg):
+def look_up(mask, axes: Axes, latitude_deg, longitude_deg):
     rows, columns = mask.shape
-    row = (latitude_deg - clouds.first_deg[0]) / clouds.step_deg[0]
+    row = (latitude_deg - axes.first_deg[0]) / axes.step_deg[0]
     row = jnp.clip(row, 0, rows - 1)
-    turn = (longitude_deg - clouds.first_deg[1]) / (clouds.step_deg[1] * columns)
+    turn = (longitude_deg - axes.first_deg[1]) / (axes.step_deg[1] * columns)
     j, east, g = _cell(turn, columns)
     i = jnp.minimum(row.astype(int), rows - 2)
     flat = mask.reshape(-1)

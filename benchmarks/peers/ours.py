@@ -5,14 +5,24 @@ change of the clouds costs, `Marching` does the same in parts.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import equinox as eqx
 import jax
 import numpy as np
 
-from cloudjax import Scene, Shell, navigate, radiances, sample
-from cloudjax.footprint import kind_of, kinds
+from cloudjax import (
+    BandRadiances,
+    Rays,
+    Scene,
+    Shell,
+    Weather,
+    navigate,
+    radiances,
+    sample,
+)
+from cloudjax.footprint import Kind, kind_of, kinds
 
 from .problem import SUN, Problem, dark
 
@@ -24,51 +34,61 @@ AT_ONCE = 1 << 18
 _sample, _radiances = eqx.filter_jit(sample), eqx.filter_jit(radiances)
 
 
-class Marching:
-    """Many presets on one view, kind of footprint by kind of footprint.
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What is looked at, but for the scene.
 
-    Everything that is not marching depends on no parameter of the clouds, and is done
-    once for all presets. Textures of a kind are dropped after it, as `render` does.
+    **Fields:** `rays`: makes them. `behind`: what rays of given numbers see without
+    cloud. `voxels`: per axis of the textures.
     """
 
-    def __init__(self, problem: Problem, presets, layers: int = 1, bands: int = 1):
-        self._problem, self._layers, self._bands = problem, layers, bands
-        self._scenes = {
-            name_of(p): problem.scene(*p, layers=layers, bands=bands) for p in presets
-        }
+    rays: Callable[[], Rays]
+    sun: np.ndarray
+    weather: Weather
+    voxels: int
+    behind: Callable[[np.ndarray], BandRadiances]
+
+
+class Marching:
+    """Several scenes of the same clouds on one view, kind of footprint by kind.
+
+    Everything that is not marching depends on no parameter of the clouds, and is done
+    once for all scenes. Textures of a kind are dropped after it, as `render` does.
+    """
+
+    def __init__(self, sight: Sight, scenes: Mapping[str, Scene]):
+        self._sight, self._scenes = sight, scenes
         self._compiled: set = set()
-        self._compile_seconds = dict.fromkeys(self._scenes, 0.0)
+        self._compile_seconds = dict.fromkeys(scenes, 0.0)
 
     def run(self) -> dict:
-        """Seconds of each part and of the march of each preset, and its picture."""
-        laps, problem = Laps(), self._problem
-        rays, weather = problem.grid().rays(), problem.weather(self._layers)
+        """Seconds of each part and of the march of each scene, and its picture."""
+        laps, sight = Laps(), self._sight
+        rays = sight.rays()
         scene = next(iter(self._scenes.values()))
         shells = [layer.cloud.shell for layer in scene.layers]
         air = Shell(min(s.bottom_m for s in shells), max(s.top_m for s in shells))
         march = dict.fromkeys(self._scenes, 0.0)
-        images = {name: np.empty(len(rays), np.float32) for name in self._scenes}
-        tile = min(TILE, len(rays))
+        images = {
+            name: np.empty((_bands_of(one), len(rays)), np.float32)
+            for name, one in self._scenes.items()
+        }
         laps.next("rays")
         for kind, members in _kinds(rays, air, laps):
             textures = tuple(
-                layer.cloud.make_textures(kind.footprint, problem.voxels)
+                layer.cloud.make_textures(kind.footprint, sight.voxels)
                 for layer in scene.layers
             )
             jax.block_until_ready(textures)
             laps.next("textures")
-            tiles = []
-            for start in range(0, len(members), tile):
-                index = members[start : start + tile]
-                last = np.full(tile - len(index), index[-1])
-                filled = rays[np.concatenate([index, last])]
-                more = {"knots": kind.knots, "twice": kind.twice}
-                view = navigate(scene, filled, SUN, weather.masks, **more)
-                tiles.append((jax.block_until_ready(view), textures, index))
+            tiles = [
+                (self._view(scene, kind, rays, filled), textures, index)
+                for index, filled in _tiles(members, min(TILE, len(rays)))
+            ]
             laps.next("navigation")
-            for name, scene in self._scenes.items():
-                self._compile(name, scene, tiles[0], (kind.knots, kind.twice))
-                march[name] += self._march(name, scene, tiles, images[name])
+            for name, one in self._scenes.items():
+                self._compile(name, one, tiles[0], (kind.knots, kind.twice))
+                march[name] += self._march(one, tiles, images[name])
             laps.skip()
         return {
             "view": laps.seconds,
@@ -77,25 +97,47 @@ class Marching:
             "images": images,
         }
 
-    def _compile(self, name: str, scene: Scene, tile, shape) -> None:
-        if (name, shape) in self._compiled:
-            return
-        self._compiled.add((name, shape))
-        self._compile_seconds[name] += self._march(name, scene, [tile], None)
+    def _view(self, scene: Scene, kind: Kind, rays: Rays, index):
+        view = navigate(
+            scene,
+            rays[index],
+            self._sight.sun,
+            self._sight.weather.masks,
+            knots=kind.knots,
+            twice=kind.twice,
+        )
+        return jax.block_until_ready((view, self._sight.behind(index)))
 
-    def _march(self, name: str, scene: Scene, tiles, image) -> float:
+    def _compile(self, name: str, scene: Scene, tile, shape) -> None:
+        if (name, shape) not in self._compiled:
+            self._compiled.add((name, shape))
+            self._compile_seconds[name] += self._march(scene, [tile], None)
+
+    def _march(self, scene: Scene, tiles, image) -> float:
         """Samples and radiances: what every change of the clouds costs."""
         started = time.perf_counter()
-        behind = dark(len(tiles[0][0].start_m[0]), self._bands)
         pending = []
-        for view, textures, index in tiles:
+        for (view, behind), textures, index in tiles:
             seen = _radiances(scene, _sample(scene, view, textures), behind)
-            pending.append((index, seen.reflective))
+            pending.append((index, seen))
             if len(pending) > 1:
                 _store(image, *pending.pop(0))
         for item in pending:
             _store(image, *item)
         return time.perf_counter() - started
+
+
+def _bands_of(scene: Scene) -> int:
+    groups = (scene.reflective, scene.emissive)
+    return sum(len(bands.numbers) for bands in groups if bands is not None)
+
+
+def _tiles(members: np.ndarray, tile: int):
+    """Numbers of the rays of each tile, also filled up to its size."""
+    for start in range(0, len(members), tile):
+        index = members[start : start + tile]
+        last = np.full(tile - len(index), index[-1])
+        yield index, np.concatenate([index, last])
 
 
 def _kinds(rays, shell, laps: "Laps"):
@@ -114,10 +156,10 @@ def _kinds(rays, shell, laps: "Laps"):
         yield kind_of(row), members
 
 
-def _store(image, index, reflective):
-    seen = np.asarray(reflective[0])[: len(index)]
+def _store(image, index, seen: BandRadiances):
+    bands = np.concatenate([np.asarray(part) for part in jax.tree.leaves(seen)])
     if image is not None:
-        image[index] = seen
+        image[:, index] = bands[:, : len(index)]
 
 
 class Laps:
@@ -140,6 +182,19 @@ def name_of(preset: tuple[int, int]) -> str:
     return f"{NAME}, {preset[0]} steps, {preset[1]} nodes"
 
 
+def disc(problem: Problem, presets, layers: int = 1, bands: int = 1) -> Marching:
+    """The full disc with several presets."""
+    sight = Sight(
+        lambda: problem.grid().rays(),
+        SUN,
+        problem.weather(layers),
+        problem.voxels,
+        lambda index: dark(len(index), bands),
+    )
+    scenes = {name_of(p): problem.scene(*p, layers, bands) for p in presets}
+    return Marching(sight, scenes)
+
+
 def load(problem: Problem, presets) -> dict[str, Callable]:
     """One function, which renders all presets."""
-    return {"render": Marching(problem, presets).run}
+    return {"render": disc(problem, presets).run}

@@ -84,35 +84,15 @@ class Problem:
 
     def work(self, rays: Rays) -> Work:
         """The same for the peers."""
-        cloud = self.cloud()
-        f = cloud.function
-        voxels = tuple(
-            np.array(make_texture(fractal, cloud.seed + i, self.voxels).voxels)
-            for i, fractal in enumerate(cloud.fractals)
-        )
-        mask = self.mask
+        cloud, mask = self.cloud(), self.mask
         lat, lon = mask.grid.latitude, mask.grid.longitude
+        there = Mask(np.array(mask.mask), (lat.first, lon.first), (lat.step, lon.step))
         return Work(
             origin_m=np.array(rays.origin_m[0]),
             direction=rays.direction.astype(np.float32),
             sun=SUN,
             indirect=INDIRECT,
-            clouds=Clouds(
-                voxels=voxels,
-                period_m=cloud.length_scales_m,
-                weight=tuple(float(m) for m in f.weights),
-                mask=Mask(
-                    np.array(mask.mask), (lat.first, lon.first), (lat.step, lon.step)
-                ),
-                mask_gain=float(f.mask_gain),
-                threshold=float(f.threshold),
-                base_m=float(f.base_m),
-                top_m=float(f.top_m),
-                barrier_scale_m=float(f.barrier_scale_m),
-                bottom_m=cloud.shell.bottom_m,
-                ceiling_m=cloud.shell.top_m,
-                extinction_per_m=self._extinction_per_m(CLASS),
-            ),
+            clouds=clouds_of(cloud, there, self._extinction_per_m(CLASS), self.voxels),
             steps=self.steps,
         )
 
@@ -162,6 +142,30 @@ class Problem:
 
     def weather(self, layers: int = 1) -> Weather:
         return Weather(masks=(self.mask,) * layers)
+
+
+def clouds_of(
+    cloud: FractalCloud, mask: Mask, extinction_per_m: float, voxels: int
+) -> Clouds:
+    """A cloud of cloudjax for its peers, with textures of points."""
+    f = cloud.function
+    return Clouds(
+        voxels=tuple(
+            np.array(make_texture(fractal, cloud.seed + i, voxels).voxels)
+            for i, fractal in enumerate(cloud.fractals)
+        ),
+        period_m=cloud.length_scales_m,
+        weight=tuple(float(m) for m in f.weights),
+        mask=mask,
+        mask_gain=float(f.mask_gain),
+        threshold=float(f.threshold),
+        base_m=float(f.base_m),
+        top_m=float(f.top_m),
+        barrier_scale_m=float(f.barrier_scale_m),
+        bottom_m=cloud.shell.bottom_m,
+        ceiling_m=cloud.shell.top_m,
+        extinction_per_m=extinction_per_m,
+    )
 
 
 def dark(rays: int, bands: int = 1) -> BandRadiances:

@@ -6,6 +6,7 @@ import numpy as np
 
 
 EQUATOR_M, POLE_M = 6378137.0, 6356752.31414
+SEA_LEVEL_K, LAPSE_K_PER_M, TROPOPAUSE_K = 288.15, 6.5e-3, 216.65
 ECCENTRICITY2 = 1 - (POLE_M / EQUATOR_M) ** 2
 
 
@@ -62,3 +63,25 @@ class Work:
     indirect: float
     clouds: Clouds
     steps: int
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Layers of cloud from the lowest up, in reflective bands and one emissive band.
+
+    **Fields:**
+
+    - `layers`: the same rays for all.
+    - `depths_per_m`: extinction of each layer in each band, [layers bands].
+    - `shares`: of scattered light that is not absorbed, eq. (4), [layers reflective].
+    - `planck`: fk1, fk2, bc1, bc2 of the emissive band.
+    - `air`: reflectance of the air in each reflective band.
+    - `behind`: without cloud, reflectance factors and radiance, [bands rays].
+    """
+
+    layers: tuple[Work, ...]
+    depths_per_m: np.ndarray
+    shares: np.ndarray
+    planck: np.ndarray
+    air: np.ndarray
+    behind: np.ndarray

@@ -1,0 +1,141 @@
+"""The embedded mesoscale scene, for cloudjax and for its peers."""
+
+import dataclasses
+
+import numpy as np
+
+from cloudjax import BandRadiances, Latent, MaskGrid, Rays, Scene, Weather
+from cloudjax_data import sun_direction
+from cloudjax_fit.embedded import embedded_target
+from cloudjax_fit.model import background, build_scene, weather_of
+
+from .ours import Sight
+from .problem import clouds_of
+from .work import Mask, Picture, Work
+
+
+class Demo:
+    """GOES-17, 2019-10-27, bands 1, 3 and 13, at the defaults of all parameters.
+
+    **Fields:** `voxels`: per axis of the textures.
+    """
+
+    def __init__(self, voxels: int):
+        self.voxels = voxels
+        self._target = embedded_target()
+
+    @property
+    def count(self) -> int:
+        rows, columns = self._target.grid.shape
+        return rows * columns
+
+    @property
+    def sun(self) -> np.ndarray:
+        return sun_direction(self._target.time)
+
+    def rays(self) -> Rays:
+        return self._target.grid.rays()
+
+    def sub_rays(self, pixels: np.ndarray, parts: int) -> Rays:
+        """The parts² rays of each of these pixels, one pixel after the other."""
+        grid = self._target.grid
+        a, b = (x.ravel() for x in np.divmod(np.arange(parts**2), parts))
+        row, column = np.divmod(pixels, grid.shape[1])
+        fine = dataclasses.replace(
+            grid, x_rad=_cut(grid.x_rad, parts), y_rad=_cut(grid.y_rad, parts)
+        )
+        rows = (row[:, None] * parts + a).ravel()
+        columns = (column[:, None] * parts + b).ravel()
+        return fine.rays(rows * fine.shape[1] + columns)
+
+    def behind(self, rays: Rays) -> BandRadiances:
+        return background(self._target, rays)
+
+    def weather(self) -> Weather:
+        return weather_of(self.scene(1, 1), self._target)
+
+    def sight(self) -> Sight:
+        rays = self.rays()
+        return Sight(
+            self.rays,
+            self.sun,
+            self.weather(),
+            self.voxels,
+            lambda index: self.behind(rays[index]),
+        )
+
+    def scene(self, steps: int, nodes: int) -> Scene:
+        scene = build_scene(self._target, steps=steps)
+        latent = Latent.gauss_hermite(nodes)
+        layers = tuple(
+            dataclasses.replace(
+                layer, cloud=dataclasses.replace(layer.cloud, latent=latent)
+            )
+            for layer in scene.layers
+        )
+        return dataclasses.replace(scene, layers=layers)
+
+    def picture(self, rays: Rays, steps: int) -> Picture:
+        """The same for the peers, in reflectance factors and radiance."""
+        scene, weather = self.scene(steps, 1), self.weather()
+        assert weather.masks is not None
+        pairs = sorted(
+            zip(scene.layers, weather.masks, strict=True),
+            key=lambda pair: pair[0].cloud.shell.bottom_m,
+        )
+        works = tuple(
+            Work(
+                origin_m=np.array(rays.origin_m[0]),
+                direction=rays.direction.astype(np.float32),
+                sun=self.sun,
+                indirect=float(scene.reflection.indirect),
+                clouds=clouds_of(
+                    layer.cloud,
+                    around(mask),
+                    float(layer.extinction_per_m),
+                    self.voxels,
+                ),
+                steps=steps,
+            )
+            for layer, mask in pairs
+        )
+        behind, reflective = self.behind(rays), scene.reflective
+        p = scene.emissive
+        return Picture(
+            layers=works,
+            depths_per_m=np.array(
+                [
+                    [*layer.sunlit_per_m, layer.absorptions_per_m[0]]
+                    for layer, _ in pairs
+                ],
+                np.float32,
+            ),
+            shares=np.array(
+                [1 - np.sqrt(1 - (1 - layer.co_albedo) ** 2) for layer, _ in pairs]
+            ),
+            planck=np.array([float(x[0]) for x in (p.fk1, p.fk2, p.bc1, p.bc2)]),
+            air=np.array(reflective.path),
+            behind=np.concatenate(
+                [reflective.reflectance(behind.reflective), behind.emissive]
+            ),
+        )
+
+
+def _cut(axis: np.ndarray, parts: int) -> np.ndarray:
+    step = axis[1] - axis[0]
+    return (axis[:, None] + step * ((np.arange(parts) + 0.5) / parts - 0.5)).ravel()
+
+
+def around(mask: MaskGrid) -> Mask:
+    """A regional mask on a grid round the Earth with the same nodes, the edges held."""
+    lat, lon = mask.grid.latitude, mask.grid.longitude
+    columns = round(360 / lon.step)
+    first = lat.first - lat.step * int((lat.first + 90) / lat.step)
+    rows = int((90 - first) / lat.step) + 1
+    φ, λ = np.meshgrid(
+        first + lat.step * np.arange(rows),
+        lon.first + lon.step * np.arange(columns),
+        indexing="ij",
+    )
+    values = np.asarray(mask(φ, λ), np.float32)
+    return Mask(values, (first, lon.first), (lat.step, 360 / columns))
