@@ -34,9 +34,6 @@ from .bands import (
 )
 from .camera import Camera as Camera
 from .cloud import (
-    CloudFunction as CloudFunction,
-)
-from .cloud import (
     FractalCloud as FractalCloud,
 )
 from .cloud import (
@@ -46,6 +43,7 @@ from .cloud_class import ClassTexture as ClassTexture
 from .cloud_class import CloudClass as CloudClass
 from .cloud_class import cloud_classes as cloud_classes
 from .cloud_class import load_classes as load_classes
+from .cloud_function import CloudFunction as CloudFunction
 from .emission import EmittingSlabs as EmittingSlabs
 from .fixed_grid import FixedGrid as FixedGrid
 from .footprint import POINT as POINT
@@ -56,7 +54,13 @@ from .imaging import (
     Image as Image,
 )
 from .imaging import (
+    Prepared as Prepared,
+)
+from .imaging import (
     Weather as Weather,
+)
+from .imaging import (
+    prepare as prepare,
 )
 from .imaging import (
     render as render,

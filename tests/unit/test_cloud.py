@@ -20,6 +20,7 @@ from tests.helpers import (
     cloud_function,
     fractal_cloud,
     geostationary_rays,
+    limb_rays,
     pixel,
     rays_to,
 )
@@ -209,6 +210,25 @@ def test_a_level_set_without_any_width_is_hard_and_finite():
     np.testing.assert_allclose(found[jnp.array([0, 1, 3])], [0, 0, 1], atol=1e-12)
     for leaf in jax.tree.leaves(jax.jit(jax.jacrev(fractions))(cloud.function)):
         assert jnp.isfinite(leaf).all()
+
+
+@pytest.mark.parametrize("mask", [-4.0, -2.0, 0.0, 2.0])
+def test_the_likelihood_is_that_of_normal_textures(mask):
+    """Against 1e5 draws of two textures, in the middle between the barriers."""
+    cloud = fractal_cloud(Shell(500.0, 4000.0))
+    f, draws = cloud.function, np.random.default_rng(2).normal(size=(2, 100_000))
+    z = jnp.full((1, 1), (float(f.base_m) + float(f.top_m)) / 2)
+    weights = np.asarray(f.weights)
+    sure = float(f((0 * z, 0 * z), jnp.full((1, 1), mask), z)[0, 0])
+    cover = np.mean(sure + weights @ draws > 0)
+    way = _navigate(cloud, geostationary_rays(3), lambda φ, λ: 0 * φ + mask)
+    np.testing.assert_allclose(cloud.likelihood(way), cover, atol=0.01)
+
+
+def test_a_ray_past_the_shell_meets_nothing():
+    cloud = fractal_cloud(threshold=-50.0)
+    past = limb_rays(30e3)
+    assert float(cloud.likelihood(_navigate(cloud, past))[0]) == 0
 
 
 def test_samples_hold_what_the_way_tells():

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import Rays, Weather, navigate, render, sample, sample_rays
+from cloudjax import Rays, Weather, navigate, prepare, render, sample, sample_rays
 from cloudjax.footprint import kind_of, kinds
 from cloudjax.scene import BandRadiances
 from tests.helpers import (
@@ -97,6 +97,52 @@ def test_a_function_of_the_pixels_gives_the_same_image(image):
 def test_a_function_without_a_number_is_refused():
     with pytest.raises(ValueError, match="Give the number of rays"):
         _render(lambda index: _wide()[index])
+
+
+def test_a_prepared_view_gives_the_same_image_again_and_again(image):
+    prepared = prepare(SCENE, _wide(), SUN, _behind, WEATHER, resolution=N)
+    again = prepared.render(SCENE, with_products=True)
+    for a, b in zip(_leaves(image), _leaves(again), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_prepared_view_shows_other_parameters_of_the_clouds():
+    """Also where the first scene had no cloud at all."""
+    rays = _wide()
+
+    def threshold(value):
+        where = lambda s: s.layers[0].cloud.function.threshold  # noqa: E731
+        return eqx.tree_at(where, SCENE, jnp.asarray(value))
+
+    prepared = prepare(threshold(60.0), rays, SUN, _behind, WEATHER, resolution=N)
+    clear = prepared.render(threshold(60.0), with_products=True)
+    assert clear.clouds is not None
+    np.testing.assert_array_equal(clear.clouds.optical_depth, 0)
+    for seen, behind in zip(
+        jax.tree.leaves(clear.radiances),
+        jax.tree.leaves(_behind(np.arange(len(rays)))),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(seen, behind)
+    cloudy = prepared.render(threshold(-1.0))
+    other = render(threshold(-1.0), rays, SUN, _behind, WEATHER, resolution=N)
+    np.testing.assert_array_equal(cloudy.radiances.emissive, other.radiances.emissive)
+
+
+def test_rays_left_out_would_have_shown_no_cloud(image, monkeypatch):
+    """Marched all the same, no ray differs by more than a thousandth of the contrast.
+
+    The chance that is let go is 1e-3.
+    """
+    monkeypatch.setattr("cloudjax.imaging.LEAST_LIKELIHOOD", -1.0)
+    every = _render(_wide(), with_products=True)
+    assert (image.clouds.optical_depth == 0).sum() > (
+        every.clouds.optical_depth == 0
+    ).sum()
+    for a, b in zip(
+        jax.tree.leaves(image.radiances), jax.tree.leaves(every.radiances), strict=True
+    ):
+        assert np.abs(a.mean() - b.mean()) < 1e-3 * b.std()
 
 
 def test_without_products_there_are_none():

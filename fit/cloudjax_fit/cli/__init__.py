@@ -1,5 +1,7 @@
 """The `cloudjax` command. Each subcommand imports what it needs when it runs."""
 
+import os
+
 import click
 
 from .demo import demo
@@ -19,13 +21,22 @@ from .report import report
     invoke_without_command=True,
 )
 @click.version_option(package_name="cloudjax")
+@click.option(
+    "--compilation-cache",
+    metavar="DIR",
+    help="Keep compiled functions there for the next time. It is trusted code.",
+)
 @click.pass_context
-def main(context: click.Context) -> None:
+def main(context: click.Context, compilation_cache: str | None) -> None:
     """Fit fractal clouds to GOES imagery, render them, and compare radiances.
 
     A SCENE is a folder with the ABI files of one scan (L1b or CMI), with or without a
     GFS or NAM file and a scene.toml. Exit codes: 0 done, 1 finished but not converged,
     2 bad input.
     """
+    if compilation_cache is not None:
+        # Read when a subcommand imports JAX.
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = compilation_cache
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
