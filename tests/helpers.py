@@ -160,6 +160,7 @@ def make_scene(
     *,
     indirect: float = 0.2,
     temperature=None,
+    air=None,
 ) -> Scene:
     return Scene(
         layers=tuple(layers),
@@ -167,6 +168,7 @@ def make_scene(
         emissive=emissive,
         reflection=TwoFlux(jnp.asarray(indirect, float)),
         temperature=temperature or StandardAtmosphere(),
+        air=air,
     )
 
 

@@ -17,6 +17,7 @@ from .fetch_scene import plan_scene as plan_scene
 from .fixed_grid import GRID_MAPPING as GRID_MAPPING
 from .fixed_grid import FixedGrid as FixedGrid
 from .fixed_grid import fixed_grid_coordinates as fixed_grid_coordinates
+from .humidity import specific_humidity as specific_humidity
 from .lambert import LambertConic as LambertConic
 from .object_store import Link as Link
 from .scene import AbiScene as AbiScene

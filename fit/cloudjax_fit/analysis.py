@@ -17,16 +17,16 @@ from cloudjax import (
     cloud_fraction,
 )
 from cloudjax.advection import DisplacementMap, Wind, displacement_map
+from cloudjax.gases import LEVELS_M
 from cloudjax_data import WeatherCube, WeatherSeries, check_altitude
 
+from .air_profile import AirProfile
 from .target import Target
 
 
 EARTH_RADIUS_M = 6371e3
 # Between the 2 and 20 hours that the paper stretches its clouds for.
 DISPLACEMENT_HOURS = 6.0
-# Altitudes of the temperature profile.
-_PROFILE_M = np.arange(500.0, 16e3, 500.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +48,17 @@ class Analysis:
             return [None] * len(scene.layers)
         return list(_displacements(self, tuple(layer.name for layer in scene.layers)))
 
-    def temperature(self, target: Target) -> TemperatureProfile:
-        """The mean profile over a target."""
-        grid = self._grid()
+    def air(
+        self, target: Target
+    ) -> tuple[TemperatureProfile, Float[np.ndarray, " levels"]]:
+        """Mean temperature and specific humidity over a target."""
         φ, λ = np.meshgrid(target.latitude_deg, target.longitude_deg, indexing="ij")
-        means = []
-        for altitude in _PROFILE_M:
-            field = self._regular.at_altitude(altitude)["t"].to_numpy()
-            over = grid.sample(field[..., None], φ, λ)
-            means.append(
-                over[np.isfinite(over)].mean() if np.isfinite(over).any() else np.nan
-            )
-        known = np.isfinite(means)
-        return TemperatureProfile(
-            jnp.asarray(_PROFILE_M[known], float),
-            jnp.asarray(np.array(means)[known], float),
-            jnp.asarray(0.0),
+        kelvin, humidity = AirProfile(self._regular).mean(φ.ravel(), λ.ravel())
+        levels = jnp.asarray(LEVELS_M, float)
+        profile = TemperatureProfile(
+            levels, jnp.asarray(kelvin, float), jnp.asarray(0.0)
         )
+        return profile, humidity
 
     def fractions(self, conditions: Conditions) -> Float[np.ndarray, "lat lon"]:
         """Cloud fraction of a class by the decision of the paper's Table 1.

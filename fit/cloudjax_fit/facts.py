@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
+from cloudjax.air import LEAST_DEPTH
+from cloudjax.gases import scattering_depth, standard_depth
 from cloudjax_data import (
     AbiBand,
     DataError,
@@ -14,6 +16,7 @@ from cloudjax_data import (
 
 from .daylight import is_day, sun_heights_deg
 from .prepare import Run, prepare
+from .settings import scene_of
 
 
 Row = tuple[str, str]
@@ -47,11 +50,19 @@ def folder_rows(folder: SceneFolder) -> Iterator[Row]:
 
 
 def run_rows(
-    folder: SceneFolder, bands: Sequence[int] | None, ignore_weather: bool
+    folder: SceneFolder,
+    bands: Sequence[int] | None,
+    ignore_weather: bool,
+    light: str | None = None,
 ) -> Iterator[Row]:
     """Which parts of the model a run would use, and why; or why it cannot be."""
     try:
-        run = prepare(folder.path, bands=bands, ignore_weather=ignore_weather)
+        run = prepare(
+            folder.path,
+            bands=bands,
+            options={"light": light},
+            ignore_weather=ignore_weather,
+        )
     except DataError as error:
         yield "no run", str(error)
         return
@@ -65,10 +76,41 @@ def run_rows(
     yield "emission", _use([b.number for b in target.emissive], "thermal band")
     yield from _layer_rows(run)
     yield "advection", _advection(run)
-    yield (
-        "temperature",
-        ("the profile of the analysis" if run.analysis else "the standard atmosphere"),
+    yield "surface", "radiances of the clear pixels around, as seen from space"
+    profile = (
+        f"the mean profile of {run.analysis.cube.path.name}"
+        if run.analysis
+        else "the standard atmosphere"
     )
+    yield "temperature", profile
+    yield from _air_rows(run, profile)
+
+
+def _air_rows(run: Run, profile: str) -> Iterator[Row]:
+    light = run.settings.fit.light
+    scene, _ = scene_of(run.settings, run.target, run.analysis)
+    air = scene.air
+    if air is None:
+        yield (
+            "air",
+            f"left out: a path and a gain of each band stand for it in {light} light",
+        )
+        return
+    yield "air", f"above each cloud, with the humidity of {profile}"
+    bands = tuple(run.target.bands)
+    parts = (
+        ("Rayleigh", air.scattered, scattering_depth(bands)),
+        ("gases", air.absorbed, standard_depth(bands)),
+    )
+    for i, band in enumerate(bands):
+        words = [_part(kind, band in used, depth[i]) for kind, used, depth in parts]
+        yield f"air of C{band:02d}", ", ".join(words)
+
+
+def _part(kind: str, used: bool, depth: float) -> str:
+    if used:
+        return f"{kind} of optical depth {depth:.3f}"
+    return f"{kind} left out ({depth:.4f} is less than {LEAST_DEPTH:g})"
 
 
 def _layer_rows(run: Run) -> Iterator[Row]:

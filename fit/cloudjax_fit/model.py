@@ -35,7 +35,9 @@ from cloudjax import (
     StandardAtmosphere,
     TwoFlux,
     Weather,
+    rayleigh,
 )
+from cloudjax.air import Air
 from cloudjax.geodesy import up
 from cloudjax_data import sun_direction
 
@@ -78,11 +80,14 @@ class Light:
     - `share`: of the physical extinction that it calls extinction; absorption in the
       infrared is the physical one.
     - `emission`: makes the strategy for thermal radiation.
+    - `air`: whether the air above the clouds is computed; else a path and a gain of
+      each band, which are fitted, stand for it.
     """
 
     reflection: Callable[[], AbstractReflection]
     share: float
     emission: Callable[[], EmittingSlabs | None] = lambda: None
+    air: bool = False
 
 
 LIGHTS = {
@@ -93,6 +98,7 @@ LIGHTS = {
         lambda: Slabs(PlaneParallel.load()),
         1.0,
         lambda: EmittingSlabs(PlaneParallel.load()),
+        air=True,
     ),
 }
 
@@ -115,23 +121,26 @@ def build_scene(
 ) -> Scene:
     """The scene that a target calls for, at the parameters' defaults.
 
-    Temperatures are those of the analysis where there is one.
+    Temperatures and humidities are those of the analysis where there is one.
     """
+    temperature, humidity = (
+        (StandardAtmosphere(jnp.asarray(0.0)), None)
+        if analysis is None
+        else analysis.air(target)
+    )
+    strategy = LIGHTS[light]
     layers = tuple(
-        _layer(name, target, seed + 100 * i, steps, LIGHTS[light].share)
+        _layer(name, target, seed + 100 * i, steps, strategy.share)
         for i, name in enumerate(target.fractions)
     )
     return Scene(
         layers=layers,
-        reflective=_reflective_bands(target.sunlit),
+        reflective=_reflective_bands(target.sunlit, with_path=not strategy.air),
         emissive=_emissive_bands(target.emissive),
-        reflection=LIGHTS[light].reflection(),
-        emission=LIGHTS[light].emission() if target.emissive else None,
-        temperature=(
-            StandardAtmosphere(jnp.asarray(0.0))
-            if analysis is None
-            else analysis.temperature(target)
-        ),
+        reflection=strategy.reflection(),
+        emission=strategy.emission() if target.emissive else None,
+        temperature=temperature,
+        air=Air.of_bands(tuple(target.bands), humidity) if strategy.air else None,
     )
 
 
@@ -172,13 +181,16 @@ def _layer(name: str, target: Target, seed: int, steps: int, share: float) -> La
     )
 
 
-def _reflective_bands(bands: Sequence[BandTarget]) -> ReflectiveBands | None:
+def _reflective_bands(
+    bands: Sequence[BandTarget], *, with_path: bool
+) -> ReflectiveBands | None:
     if not bands:
         return None
+    path = [_path_reflectance(b) if with_path else 0.0 for b in bands]
     return ReflectiveBands(
         numbers=tuple(b.number for b in bands),
         reflectance_per_radiance=_stack([b.coefficients["kappa0"] for b in bands]),
-        path=_stack([_path_reflectance(b) for b in bands]),
+        path=_stack(path),
         gain=jnp.ones(len(bands)),
     )
 
@@ -201,15 +213,10 @@ def _emissive_bands(bands: Sequence[BandTarget]) -> EmissiveBands | None:
 def _path_reflectance(band: BandTarget) -> float:
     """Rayleigh scattering above low cloud, to first order: where its prior lies.
 
-    τ of Bodhaine et al. (1999, eq. 30) at 850 hPa, phase function 3/4 (1 + cos²Θ) near
-    backscatter, over the cosines of two 50 degree slants.
+    Of the air above 850 hPa, phase function 3/4 (1 + cos²Θ) near backscatter, over the
+    cosines of two 50 degree slants.
     """
-    λ2 = band.wavelength_um**2
-    τ = (
-        0.0021520
-        * (1.0455996 - 341.29061 / λ2 - 0.90230850 * λ2)
-        / (1 + 0.0027059889 / λ2 - 85.968563 * λ2)
-    )
+    τ = float(rayleigh.optical_depth(band.wavelength_um))
     return 0.85 * τ * 1.5 / (4 * np.cos(np.radians(50)))
 
 
@@ -240,7 +247,7 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
             )
         for i, band in enumerate(target.sunlit):
             path = float(scene.reflective.path[i])
-            parameters += _reflective_air(i, band, path)
+            parameters += _reflective_air(i, band, path, scene.air is not None)
     if scene.emissive is not None:
         parameters.append(
             Parameter(
@@ -250,7 +257,7 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
             )
         )  # fmt: skip
         for i, band in enumerate(target.emissive):
-            parameters += _emissive_air(i, band)
+            parameters += _emissive_air(i, band, scene.air is not None)
     return parameters
 
 
@@ -284,24 +291,28 @@ def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
     return [Parameter(f"{layer.name}.{name}", *rest) for name, *rest in rows]
 
 
-def _reflective_air(i: int, band: BandTarget, path: float) -> list[Parameter]:
+def _reflective_air(
+    i: int, band: BandTarget, path: float, known: bool
+) -> list[Parameter]:
+    """What is left of the air, and the calibration; less where the air is computed."""
+    spread = (0.005, 0.05) if known else (0.01 + 0.5 * path, 0.1)
     if not band.reflective:
         return [
             Parameter(f"air.sun_gain_{band.name}", lambda s: s.reflective.gain, 1.0,
-                      0.5, 1.5, 0.1, index=i),
+                      0.5, 1.5, spread[1], index=i),
         ]  # fmt: skip
     return [
         Parameter(f"air.path_{band.name}", lambda s: s.reflective.path, path, -0.1, 0.3,
-                  0.01 + 0.5 * path, index=i),
+                  spread[0], index=i),
         Parameter(f"air.gain_{band.name}", lambda s: s.reflective.gain, 1.0, 0.5, 1.5,
-                  0.1, index=i),
+                  spread[1], index=i),
     ]  # fmt: skip
 
 
-def _emissive_air(i: int, band: BandTarget) -> list[Parameter]:
+def _emissive_air(i: int, band: BandTarget, known: bool) -> list[Parameter]:
     return [
         Parameter(f"air.gain_{band.name}", lambda s: s.emissive.gain, 1.0, 0.7, 1.2,
-                  0.03, index=i),
+                  0.01 if known else 0.03, index=i),
     ]  # fmt: skip
 
 

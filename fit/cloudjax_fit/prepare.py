@@ -53,7 +53,7 @@ def prepare(
     path: str | os.PathLike[str],
     *,
     bands: Sequence[int] | None = None,
-    options: Mapping[str, int | None] | None = None,
+    options: Mapping[str, int | str | None] | None = None,
     ignore_weather: bool = False,
     weather_mask: bool = False,
 ) -> Run:

@@ -80,6 +80,21 @@ class Surface:
         nodes, grid = self._temperature
         return np.asarray(grid.sample(nodes, latitude_deg, longitude_deg))[..., 0]
 
+    def altitude_m(
+        self,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, " points"]:
+        """Of the ground above sea level; 0 where the weather does not say."""
+        if self.cube is None or "orog" not in self.cube.data:
+            return np.zeros(latitude_deg.shape)
+        data = self.cube.regular(0.25).data
+        ground = np.nan_to_num(data["orog"].to_numpy().astype(np.float64))
+        axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
+        grid = LatLonGrid.from_axes(*axes)
+        found = grid.sample(ground[..., None], latitude_deg, longitude_deg)[..., 0]
+        return np.maximum(np.asarray(found), 0.0)
+
     def reflectance(
         self,
         bands: Sequence[int],

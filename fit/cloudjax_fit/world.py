@@ -37,6 +37,7 @@ from cloudjax import (
     propagate,
     water,
 )
+from cloudjax.air import Air
 from cloudjax.geodesy import up
 from cloudjax_data import (
     DataError,
@@ -46,7 +47,9 @@ from cloudjax_data import (
     sun_direction,
 )
 
+from .air_profile import AirProfile
 from .analysis import fractions_at, wind_at
+from .clear_sky import through_air
 from .model import LIGHTS
 from .sensor_band import SensorBand
 from .surface import Surface
@@ -72,6 +75,7 @@ class World:
     - `steps`: through each shell.
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
     - `light`: the strategy for sunlight, one of `model.LIGHTS`.
+    - `air`: whether gases and Rayleigh scattering count.
 
     **Raises:** `DataError` for regional weather, for air comes from outside of it;
     without a class; for a negative seed or no steps.
@@ -83,6 +87,7 @@ class World:
     steps: int = 24
     omega_sign: float = -1.0
     light: str = "physical"
+    air: bool = True
 
     def __post_init__(self):
         cube = self.series.cubes[0]
@@ -142,6 +147,7 @@ class World:
             reflection=LIGHTS[self.light].reflection(),
             emission=LIGHTS[self.light].emission() if emissive else None,
             temperature=StandardAtmosphere(),
+            air=Air.of_bands([band.number for band in bands]) if self.air else None,
         )
 
     def weather(self, time: datetime) -> Weather:
@@ -184,28 +190,43 @@ class World:
         )
 
     def background(self, scene: Scene, rays: Rays, time: datetime) -> BandRadiances:
-        """What is seen without cloud: the ground, through air that takes nothing.
+        """What is seen without cloud: the ground, through the air of the scene.
 
         Zero where a ray misses the Earth.
         """
         ground, hit = rays.ground()
         φ, λ = ground.latitude_deg, ground.longitude_deg
+        sun = sun_direction(time)
         reflective = emissive = None
         if scene.reflective is not None:
-            height = np.maximum((up(φ, λ) * sun_direction(time)).sum(-1), 0)
+            height = np.maximum((up(φ, λ) * sun).sum(-1), 0)
             albedo = self.surface.reflectance(scene.reflective.numbers, φ, λ)
-            seen = jnp.asarray(np.where(hit, albedo * height, 0), float)
-            reflective = scene.reflective.radiance(seen)
+            reflective = jnp.asarray(albedo * height, float)
         if scene.emissive is not None:
             kelvin = jnp.asarray(self.surface.temperature_k(φ, λ), float)
             emissivity = self.surface.emissivity(scene.emissive.numbers, φ, λ)
-            emitted = jnp.asarray(emissivity, float) * scene.emissive.planck(kelvin)
-            emissive = jnp.where(hit, emitted, 0)
+            emissive = jnp.asarray(emissivity, float) * scene.emissive.planck(kelvin)
+        bare = BandRadiances(reflective, emissive)
+        if scene.air is not None:
+            column = scene.air.navigate(rays, sun, scene.temperature, self.profile)
+            altitude = jnp.asarray(self.surface.altitude_m(φ, λ), float)
+            bare = through_air(scene, column, bare, altitude)
+        reflective, emissive = (
+            None if seen is None else jnp.where(hit, seen, 0)
+            for seen in (bare.reflective, bare.emissive)
+        )
+        if scene.reflective is not None and reflective is not None:
+            reflective = scene.reflective.radiance(reflective)
         return BandRadiances(reflective, emissive)
 
     @ft.cached_property
     def surface(self) -> Surface:
         return Surface(self.series.cubes[0])
+
+    @ft.cached_property
+    def profile(self) -> AirProfile:
+        """The air of the first analysis."""
+        return AirProfile(self.series.cubes[0])
 
     def temperature_k(self, latitude_deg, longitude_deg, altitude_m):
         """Of the air of the first analysis, [points] each, numpy."""
@@ -237,6 +258,8 @@ class World:
             displacements.append(
                 [maps.get((altitude, t.displacement_hours)) for t in one.textures]
             )
+        if self.air:
+            return Weather(masks, displacements, profile=self.profile)
         return Weather(masks, displacements, self.temperature_k)
 
     def _map(self, altitude_m: float, hours: float, *, time: datetime):

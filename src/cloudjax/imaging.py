@@ -44,12 +44,14 @@ LEAST_LIKELIHOOD = 1e-3
 class Weather:
     """What masks, moves and warms the clouds of a scene.
 
-    **Fields:** `masks`, `displacements`, `temperature`: as `navigate` takes them.
+    **Fields:** `masks`, `displacements`, `temperature`, `profile`: as `navigate` takes
+    them.
     """
 
     masks: Sequence | None = None
     displacements: Sequence | None = None
     temperature: Callable | None = None
+    profile: Callable | None = None
 
 
 CALM = Weather()
@@ -335,6 +337,7 @@ def _navigate(scene, rays, sun_direction, weather: Weather, kind: Kind) -> View:
         weather.masks,
         weather.displacements,
         weather.temperature,
+        weather.profile,
         knots=kind.knots,
         twice=kind.twice,
     )

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from .air import Air, Column
 from .atmosphere import AbstractTemperature
 from .bands import EmissiveBands, ReflectiveBands
 from .emission import EmittingSlabs
@@ -111,8 +112,9 @@ class Scene(eqx.Module):
     - `reflective`, `emissive`: the bands that are asked; None leaves a part out of the
       computation altogether. A band may be in both, such as 3.9 µm by day.
     - `reflection`: the strategy for sunlight.
-    - `temperature`: of the cloud, by altitude.
+    - `temperature`: of the cloud and the air, by altitude.
     - `emission`: how cloud scatters thermal radiation; None takes it for an absorber.
+    - `air`: above the clouds; None leaves it out.
     """
 
     layers: tuple[Layer, ...]
@@ -121,6 +123,7 @@ class Scene(eqx.Module):
     reflection: AbstractReflection
     temperature: AbstractTemperature
     emission: EmittingSlabs | None = None
+    air: Air | None = None
 
     def __check_init__(self):
         if self.reflective is None and self.emissive is None:
@@ -151,7 +154,9 @@ class View(eqx.Module):
 
     - `ways`: one for each layer, and more for layers that rays meet twice.
     - `start_m`: where each way begins along the ray, relative to the first.
-    - `air_k`: temperature at the knots of each way; None where the scene's own serves.
+    - `air_k`: temperature at the knots of each way; None where the scene's own or that
+      of `column` serves.
+    - `column`: the air along each ray; None for scenes without.
     - `sun_direction`: unit vector from the Earth, ECEF.
     - `layer_of`: the layer of each way.
     """
@@ -159,6 +164,7 @@ class View(eqx.Module):
     ways: tuple[PyTree, ...]
     start_m: tuple[Float[Array, " rays"], ...]
     air_k: tuple[Float[Array, "rays knots"], ...] | None
+    column: Column | None
     sun_direction: Float[Array, "3"]
     layer_of: tuple[int, ...] = eqx.field(static=True)
 
@@ -174,6 +180,7 @@ def navigate(
     masks: Sequence | None = None,
     displacements: Sequence | None = None,
     temperature: Callable | None = None,
+    profile: Callable | None = None,
     *,
     knots: int = 2,
     twice: bool = False,
@@ -187,10 +194,15 @@ def navigate(
     - `displacements`: for each layer a displacement map, or one per texture, or None.
     - `temperature`: a callable (latitude, longitude, altitude_m) → kelvin, where air
       differs from place to place; None for that of the scene.
+    - `profile`: of the air, as `Air.navigate` takes it.
     - `knots`: points of a chord between which masks, winds and temperatures are linear.
     - `twice`: follow rays that graze the Earth into a shell a second time.
     """
     none = [None] * len(scene.layers)
+    column = None
+    if scene.air is not None:
+        column = scene.air.navigate(rays, sun_direction, scene.temperature, profile)
+        temperature = None
     ways, entries, layer_of, air = [], [], [], []
     for i, (layer, mask, maps) in enumerate(
         zip(scene.layers, masks or none, displacements or none, strict=True)
@@ -211,6 +223,7 @@ def navigate(
         tuple(ways),
         tuple(device_array(entry - first) for entry in entries),
         tuple(air) or None,
+        column,
         device_array(sun_direction),
         tuple(layer_of),
     )
@@ -222,14 +235,15 @@ class Sampled(eqx.Module):
     **Fields:**
 
     - `clouds`: of each way, what its source sampled.
-    - `air_k`: temperature at its steps; None where the scene's own serves.
-    - `paths`, `start_m`, `sun_direction`, `layer_of`: as in `View`.
+    - `air_k`: temperature at its steps; None as in `View`.
+    - `paths`, `start_m`, `column`, `sun_direction`, `layer_of`: as in `View`.
     """
 
     clouds: tuple[PyTree, ...]
     air_k: tuple[Float[Array, "rays steps"], ...] | None
     paths: tuple[Path, ...]
     start_m: tuple[Float[Array, " rays"], ...]
+    column: Column | None
     sun_direction: Float[Array, "3"]
     layer_of: tuple[int, ...] = eqx.field(static=True)
 
@@ -262,7 +276,15 @@ def sample(scene: Scene, view: View, textures: tuple) -> Sampled:
             for i, known in zip(view.layer_of, view.air_k, strict=True)
         )
     paths = tuple(way.path for way in view.ways)
-    return Sampled(clouds, air, paths, view.start_m, view.sun_direction, view.layer_of)
+    return Sampled(
+        clouds,
+        air,
+        paths,
+        view.start_m,
+        view.column,
+        view.sun_direction,
+        view.layer_of,
+    )
 
 
 def join(parts: Sequence[Sampled]) -> Sampled:

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from .air import Column
 from .bands import EmissiveBands
 from .emission import Factors
 from .light import Illumination
@@ -102,10 +103,18 @@ def radiances(
         bands = scene.reflective
         behind = bands.reflectance(background.reflective)
         source, passed = _reflected(scene, ways, sampled.sun_direction, behind)
-        reflective = bands.radiance(_under_air(source, passed, behind, bands))
+        path = bands.path[:, None]
+        if scene.air is not None and sampled.column is not None:
+            veil = scene.air.veil(bands, sampled.column, _top_m(ways))
+            source = veil.over(source, sampled.column.sun)
+            path = path + veil.path
+        seen = _under_air(source, passed, behind, path, bands.gain)
+        reflective = bands.radiance(seen)
     if scene.emissive is not None and background.emissive is not None:
-        source, passed = _emitted(scene, ways, background.emissive)
-        emissive = _under_air(source, passed, background.emissive, scene.emissive)
+        column = sampled.column
+        source, passed = _emitted(scene, ways, column, background.emissive)
+        bands, behind = scene.emissive, background.emissive
+        emissive = _under_air(source, passed, behind, bands.path[:, None], bands.gain)
     return BandRadiances(reflective, emissive)
 
 
@@ -185,15 +194,18 @@ def _illumination(way: _Seen, sun: Float[Array, "3"]) -> Illumination:
     )
 
 
-def _emitted(scene: Scene, ways: Sequence[_Seen], background):
-    """Emitted radiance of all cloud and its transmittance, [bands rays] both.
+def _black_bodies(scene: Scene, ways: Sequence[_Seen], column: Column | None):
+    """Radiance of black bodies at the temperature of each step's altitude.
 
-    Emission is integrated along the ray at the temperature of each step's altitude,
-    with what scattering changes where the scene asks for it.
+    Of each way [bands rays steps], through the air above where the scene has air; then
+    also the radiance of that air, [bands rays], where cloud scatters.
     """
     bands = cast(EmissiveBands, scene.emissive)
-    source, transmittance = [], []
-    planck = [
+    if scene.air is not None and column is not None:
+        emission = scene.air.emission(bands, column, scene.temperature)
+        black = [emission.black_bodies(way.samples.altitude_m) for way in ways]
+        return black, None if scene.emission is None else emission.above(_top_m(ways))
+    black = [
         bands.planck(
             scene.temperature(way.samples.altitude_m)
             if way.air_k is None
@@ -201,19 +213,34 @@ def _emitted(scene: Scene, ways: Sequence[_Seen], background):
         )
         for way in ways
     ]
+    return black, None
+
+
+def _emitted(scene: Scene, ways: Sequence[_Seen], column, background):
+    """Emitted radiance of all cloud and its transmittance, [bands rays] both.
+
+    Emission is integrated along the ray at the temperature of each step's altitude,
+    with what scattering changes where the scene asks for it.
+    """
+    planck, air = _black_bodies(scene, ways, column)
     factors = [_scattering(scene, way) for way in ways]
+    source, transmittance = [], []
     for band in range(background.shape[0]):
         shares = [
             _thermal_shares(way, band, changed)
             for way, changed in zip(ways, factors, strict=True)
         ]
         profiles = [profile for _, profile in shares]
-        total = jnp.zeros_like(background[band])
+        total = emitting = jnp.zeros_like(background[band])
         through = jnp.ones_like(background[band])
         for way, emitted, (seen, profile) in zip(ways, planck, shares, strict=True):
             unhidden = seen * way.unhidden(profiles)
             total = total + jnp.sum(unhidden * emitted[band], axis=-1)
+            emitting = emitting + unhidden.sum(-1)
             through = through * profile[:, -1]
+        if air is not None:
+            # The air above is seen before what scatters as before what emits.
+            total = total + jnp.maximum(1 - through - emitting, 0) * air[band]
         source.append(total)
         transmittance.append(through)
     return jnp.stack(source), jnp.stack(transmittance)
@@ -239,14 +266,33 @@ def _thermal_shares(way: _Seen, band: int, factors: Factors | None):
     return seen, way.passed.transmittance(κ, stopped)
 
 
-def _under_air(source, transmittance, background, bands):
+def _under_air(source, transmittance, background, path, gain):
     """Cloud over the background, beneath the air above the cloud.
 
     The background is as seen from above the atmosphere and already holds the air's
     share.
     """
-    path, gain = bands.path[:, None], bands.gain[:, None]
-    return path + gain * source + transmittance * (background - path)
+    return path + gain[:, None] * source + transmittance * (background - path)
+
+
+def _stopped(ways: Sequence[_Seen]) -> list[Float[Array, "rays steps"]]:
+    """Share of the light looking back that each step of each way stops."""
+    profiles = [way.passed.transmittance(way.layer.extinction_per_m) for way in ways]
+    return [
+        way.passed.mean(way.passed.absorbed(way.layer.extinction_per_m))
+        * way.unhidden(profiles)
+        for way in ways
+    ]
+
+
+def _top_m(ways: Sequence[_Seen]) -> Float[Array, " rays"]:
+    """Mean altitude of the first surface; 0 where nothing is met."""
+    height = total = jnp.zeros_like(ways[0].path.length_m)
+    for way, stopped in zip(ways, _stopped(ways), strict=True):
+        height = height + (stopped * way.samples.altitude_m).sum(-1)
+        total = total + stopped.sum(-1)
+    met = total > 1e-3
+    return jnp.where(met, height / jnp.where(met, total, 1.0), 0.0)
 
 
 class CloudProducts(eqx.Module):
@@ -276,22 +322,19 @@ def clear_products(layers: int, rays: int) -> CloudProducts:
 def products(scene: Scene, sampled: Sampled) -> CloudProducts:
     """Cover, optical depth, height and class of the cloud along each ray."""
     ways = _march(scene, sampled)
-    profiles = [way.passed.transmittance(way.layer.extinction_per_m) for way in ways]
     rays = ways[0].path.length_m.shape
-    clear, depth, height = jnp.ones(rays), jnp.zeros(rays), jnp.zeros(rays)
+    clear, depth = jnp.ones(rays), jnp.zeros(rays)
     share = [jnp.zeros(rays) for _ in scene.layers]
-    for i, way in zip(sampled.layer_of, ways, strict=True):
+    stops = _stopped(ways)
+    for i, way, stopped in zip(sampled.layer_of, ways, stops, strict=True):
         β = way.layer.extinction_per_m
         vertical = β * way.passed.depth_m * way.view_height[None]
         squared = (vertical / VISIBLE_DEPTH) ** 2
         clear = clear * way.passed.mean(1 / (1 + squared))
         depth = depth + way.passed.mean(vertical)
-        seen = way.passed.mean(way.passed.absorbed(β)) * way.unhidden(profiles)
-        height = height + (seen * way.samples.altitude_m).sum(-1)
-        share[i] = share[i] + seen.sum(-1)
-    total = sum(share, jnp.zeros(rays))
-    met = total > 1e-3
-    top = jnp.where(met, height / jnp.where(met, total, 1.0), jnp.nan)
+        share[i] = share[i] + stopped.sum(-1)
+    met = sum(share, jnp.zeros(rays)) > 1e-3
+    top = jnp.where(met, _top_m(ways), jnp.nan)
     # Weights of a quadrature add up to one but for rounding.
     cover = jnp.clip(1 - clear, 0, 1)
     return CloudProducts(cover, depth, top, jnp.stack(share))

@@ -105,6 +105,19 @@ def test_info_by_day(scene):
     assert lines["ignored"] == "notes.txt"
     assert lines["sunlight"] == "for bands 1, 3"
     assert lines["advection"].endswith("gfs.grib2")
+    assert lines["air"].startswith("left out")
+
+
+def test_info_tells_the_air_of_each_band(scene):
+    write_weather(scene, SCAN_START - timedelta(hours=2))
+    result = run("info", scene, "--light", "physical")
+    assert result.exit_code == 0, result.output
+    lines = dict(_label_and_text(line) for line in result.output.splitlines())
+    assert lines["air"].endswith("the mean profile of gfs.grib2")
+    assert "Rayleigh of optical depth 0.184, gases left out" in lines["air of C01"]
+    assert "gases of optical depth 0.15" in lines["air of C13"]
+    result = run("info", scene, "--light", "dim")
+    assert "physical" in result.output
 
 
 def test_info_by_night(tmp_path):

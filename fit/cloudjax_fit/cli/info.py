@@ -2,14 +2,20 @@
 
 import click
 
-from .options import bands_option, ignore_weather_option, scene_argument
+from .options import (
+    bands_option,
+    ignore_weather_option,
+    light_option,
+    scene_argument,
+)
 
 
 @click.command()
 @scene_argument
 @bands_option
 @ignore_weather_option
-def info(scene, bands, ignore_weather) -> None:
+@light_option
+def info(scene, bands, ignore_weather, light) -> None:
     """Show what a scene holds, and which model parts a run would use."""
     from cloudjax_data import open_folder
     from cloudjax_fit.facts import folder_rows, run_rows
@@ -17,7 +23,7 @@ def info(scene, bands, ignore_weather) -> None:
     folder = open_folder(scene)
     _print(folder_rows(folder))
     click.echo("\nA run would use:")
-    _print(run_rows(folder, bands, ignore_weather))
+    _print(run_rows(folder, bands, ignore_weather, light))
 
 
 def _print(rows) -> None:

@@ -43,6 +43,8 @@ weather_mask_option = click.option(
     help="Take where clouds are from the weather file, not from the imagery.",
 )
 
+light_option = click.option("--light", help="physical or paper.  [default: paper]")
+
 # Checked with those of scene.toml, by the same rules.
 _FIT_OPTIONS = (
     click.option("--rays", type=int, help="Pixels simulated at each step."),
@@ -51,7 +53,7 @@ _FIT_OPTIONS = (
     click.option("--starts", type=int, help="Starts; the best fit is kept."),
     click.option("--max-steps", type=int, help="Steps of the solver at most."),
     click.option("--seed", type=int, help="Of clouds, rays and starts."),
-    click.option("--light", help="physical or paper.  [default: paper]"),
+    light_option,
 )
 
 

@@ -147,7 +147,7 @@ def seen_from(latitude_deg: float, longitude_deg: float):
 
 
 def test_the_ground_is_dark_by_night_and_brighter_on_land(tmp_path):
-    made = world(analysis(tmp_path))
+    made = world(analysis(tmp_path), air=False)
     scene = made.scene([BANDS[3], BANDS[13]])
     assert scene.reflective is not None
     places = {"land": (-5.0, -65.0), "sea": (0.0, -140.0), "night": (23.0, 100.0)}
@@ -214,7 +214,7 @@ def test_too_few_voxels_for_a_texture_are_refused(tmp_path):
 
 def test_band_7_reflects_and_emits_by_day_and_emits_by_night(tmp_path):
     """Sea of albedo 0.02 and emissivity 0.98 under a high sun: one row, the sum."""
-    made = world(analysis(tmp_path))
+    made = world(analysis(tmp_path), air=False)
     rays = seen_from(0.0, -140.0)
     seen = {}
     for day in (True, False):
