@@ -1,10 +1,9 @@
-"""What a sensor would see of a world, and its file and picture."""
+"""What a sensor would see of a world, as a Dataset and as a picture."""
 
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -24,11 +23,9 @@ from .band_image import BandImage, write_band_picture
 from .fitting import versions
 from .image_file import data_grid
 from .model import LIGHTS
-from .netcdf import write_netcdf
 from .quantity import RADIANCE, Quantity
 from .sensor_band import SensorBand
 from .sensor_file import Sensor
-from .staging import staged
 from .world import World
 
 
@@ -63,6 +60,13 @@ class SensorImage:
     cloud_class: Int[np.ndarray, "y x"]
     class_names: tuple[str, ...]
 
+    @property
+    def title(self) -> str:
+        return f"{self.sensor.name} {self.time:%Y-%m-%d %H:%M} UTC, simulated"
+
+    def bands(self) -> list[BandImage]:
+        return [self.band(number) for number in self.radiance]
+
     def band(self, number: int) -> BandImage:
         """The radiances of a band, with its coefficients of that date."""
         band = self.sensor.bands[number]
@@ -96,7 +100,8 @@ def render_sensor(
     day, distance_au = _is_day(ground, hit, sun), earth_sun_distance_au(time)
     scene = world.scene(bands, distance_au, day=day)
     # A fixed grid has much of space, a camera the limb and the sky with their clouds.
-    pixels = np.flatnonzero(hit if isinstance(view, FixedGrid) else np.ones_like(hit))
+    spared = isinstance(view, FixedGrid) and hit.any()
+    pixels = np.flatnonzero(hit) if spared else np.arange(hit.size)
     image = render(
         scene,
         lambda index: view.rays(pixels[index]),
@@ -162,22 +167,6 @@ def _is_day(ground: GroundPoints, hit, sun: Float[np.ndarray, "3"]) -> bool:
     return not hit.any() or bool(height[hit].max() > LEAST_SUN)
 
 
-def write_sensor_image(
-    path: str | os.PathLike[str],
-    image: SensorImage,
-    world: World,
-    quantities: Sequence[Quantity] = (RADIANCE,),
-) -> None:
-    """Write a CF netCDF file, and a PNG of the same name beside it.
-
-    **Raises:** `DataError` if the disk does not take them.
-    """
-    path = Path(path)
-    with staged(path.parent, last=path.name) as aside:
-        write_picture(aside / path.with_suffix(".png").name, image)
-        write_netcdf(aside / path.name, sensor_dataset(image, world, quantities))
-
-
 def sensor_dataset(
     image: SensorImage, world: World, quantities: Sequence[Quantity] = (RADIANCE,)
 ) -> xr.Dataset:
@@ -231,15 +220,11 @@ def _coordinates(image: SensorImage) -> dict[str, xr.DataArray]:
     return coordinates
 
 
-def write_picture(path: str | os.PathLike[str], image: SensorImage) -> None:
-    """Grey panels of all bands as PNG: white is bright, or cold."""
-    write_band_picture(
-        path,
-        [image.band(number) for number in image.radiance],
-        f"{image.sensor.name} {image.time:%Y-%m-%d %H:%M} UTC, simulated",
-        panel_inches=7.0,
-        missing="#10141a",
-    )
+def write_picture(
+    path: str | os.PathLike[str], bands: Sequence[BandImage], title: str
+) -> None:
+    """Grey panels of bands as PNG: white is bright, or cold."""
+    write_band_picture(path, bands, title, panel_inches=7.0, missing="#10141a")
 
 
 def _classes(clouds: CloudProducts, cloudy) -> Int[np.ndarray, " rays"]:

@@ -136,6 +136,7 @@ def test_rays_left_out_would_have_shown_no_cloud(image, monkeypatch):
     """
     monkeypatch.setattr("cloudjax.imaging.LEAST_LIKELIHOOD", -1.0)
     every = _render(_wide(), with_products=True)
+    assert every.clouds is not None
     assert (image.clouds.optical_depth == 0).sum() > (
         every.clouds.optical_depth == 0
     ).sum()

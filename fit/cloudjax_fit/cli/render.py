@@ -158,7 +158,7 @@ def _world(weather, options):
 
 
 def _render_frames(world, view, chosen, path, options, resolution, quantities) -> None:
-    from cloudjax_fit.sensor_image import render_sensor, write_sensor_image
+    from cloudjax_fit.strips import render_strips, write_strips
 
     from .progress import tile_progress
 
@@ -170,7 +170,7 @@ def _render_frames(world, view, chosen, path, options, resolution, quantities) -
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
         file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
         with tile_progress(file.name) as on_tile:
-            image = render_sensor(
+            images = render_strips(
                 world,
                 view,
                 chosen,
@@ -179,7 +179,7 @@ def _render_frames(world, view, chosen, path, options, resolution, quantities) -
                 resolution=resolution,
                 on_tile=on_tile,
             )
-        write_sensor_image(file, image, world, quantities)
+            write_strips(file, images, world, quantities)
         click.echo(f"{file} and {file.with_suffix('.png')}")
 
 

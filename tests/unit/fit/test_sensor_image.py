@@ -17,8 +17,8 @@ from cloudjax_fit.sensor_image import (
     render_sensor,
     sensor_dataset,
     write_picture,
-    write_sensor_image,
 )
+from cloudjax_fit.strips import render_strips, strips, write_strips
 from cloudjax_fit.world import World
 
 
@@ -60,7 +60,7 @@ def frame(view: FixedGrid | Camera, **given) -> SensorImage:
 @pytest.mark.parametrize("view", [GRID, CAMERA], ids=["grid", "camera"])
 def test_a_file_is_read_back_as_it_was(tmp_path, world, view):
     image = frame(view)
-    write_sensor_image(tmp_path / "new" / "out.nc", image, world)
+    write_strips(tmp_path / "new" / "out.nc", [image], world)
     names = {file.name for file in (tmp_path / "new").iterdir()}
     assert names == {"out.nc", "out.png"}
     with xr.open_dataset(tmp_path / "new" / "out.nc", decode_coords="all") as data:
@@ -88,7 +88,7 @@ def test_products_of_a_grid_name_their_projection(world):
 def test_a_picture_is_white_where_it_is_bright_or_cold(tmp_path, world):
     from PIL import Image
 
-    write_picture(tmp_path / "out.png", frame(GRID))
+    write_picture(tmp_path / "out.png", frame(GRID).bands(), "made up")
     pixels = np.asarray(Image.open(tmp_path / "out.png").convert("L"), int)
     row = pixels[pixels.shape[0] // 2]
     ground, cloud = row[len(row) // 40], row[len(row) // 3]
@@ -98,7 +98,7 @@ def test_a_picture_is_white_where_it_is_bright_or_cold(tmp_path, world):
 
 def test_a_picture_of_nothing_can_be_drawn(tmp_path):
     dark = {2: np.full(GRID.shape, np.nan)}
-    write_picture(tmp_path / "out.png", frame(GRID, radiance=dark))
+    write_picture(tmp_path / "out.png", frame(GRID, radiance=dark).bands(), "dark")
     assert (tmp_path / "out.png").stat().st_size > 0
 
 
@@ -106,10 +106,55 @@ def test_a_failure_leaves_nothing(tmp_path, world, monkeypatch):
     def full(*_, **__):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr("cloudjax_fit.sensor_image.write_netcdf", full)
+    monkeypatch.setattr("cloudjax_fit.strips.write_netcdf", full)
     with pytest.raises(DataError, match="free some space"):
-        write_sensor_image(tmp_path / "out.nc", frame(GRID), world)
+        write_strips(tmp_path / "out.nc", [frame(GRID)], world)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_strips_make_the_whole_and_cameras_are_one():
+    sensor = Sensor("test", "ABI", GRID, BANDS)
+    parts = strips(sensor, pixels=7 * GRID.shape[1] + 1)
+    assert [part.view.shape[0] for part in parts[:-1]] == [7] * (len(parts) - 1)
+    rays = np.concatenate([part.view.rays().direction for part in parts])
+    np.testing.assert_array_equal(rays, GRID.rays().direction)
+    camera = Sensor("test", "none", CAMERA, BANDS)
+    assert strips(camera, pixels=1) == [camera]
+
+
+def test_a_file_of_strips_is_that_of_the_whole(tmp_path, world):
+    """One thin class of cloud on a small sector, at once and in strips of five rows."""
+    stratus = world.classes["low_stratus"]
+    plain = dataclasses.replace(
+        stratus, textures=(ClassTexture(Perlin(4, 2), 900e3, 1.0, 0.0),)
+    )
+    quick = dataclasses.replace(world, steps=4, classes={"a": plain})
+    sensor = Sensor("test", "ABI", GRID, BANDS)
+    done = []
+    for name, pixels in (("whole", 1 << 20), ("strips", 5 * GRID.shape[1])):
+        images = render_strips(
+            quick,
+            sensor,
+            [BANDS[2]],
+            SCAN_START,
+            resolution=32,
+            pixels=pixels,
+            on_tile=lambda *numbers: done.append(numbers),
+        )
+        write_strips(tmp_path / f"{name}.nc", images, quick)
+    assert done[-1] == (GRID.shape[0] * GRID.shape[1],) * 2
+    with (
+        xr.open_dataset(tmp_path / "whole.nc", decode_coords="all") as whole,
+        xr.open_dataset(tmp_path / "strips.nc", decode_coords="all") as parts,
+    ):
+        assert parts.sizes == whole.sizes
+        assert set(parts.variables) == set(whole.variables)
+        assert parts["time"] == whole["time"]
+        for name, values in whole.drop_vars("time").variables.items():
+            np.testing.assert_allclose(parts[name], values, rtol=1e-4, atol=1e-5)
+        assert float(parts["cloud_fraction"].mean()) > 0.01
+    sizes = [(tmp_path / f"{n}.png").stat().st_size for n in ("whole", "strips")]
+    assert min(sizes) > 0.9 * max(sizes)
 
 
 def test_a_resolution_that_is_too_coarse_is_refused_before_work(world):
