@@ -175,7 +175,7 @@ def sample_rays(
     for kind, textures, members in _kinds(scene, rays, len(rays), resolution, True):
         for index, filled in _tiles(members, tile):
             view = _navigate(scene, rays[filled], sun_direction, weather, kind)
-            part = _sample(scene, view, textures)
+            part = _sample(scene, view, textures, np.arange(len(filled)))
             parts.append(_pick(part, np.arange(len(index))))
             order.append(index)
     return _pick(join(parts), np.argsort(np.concatenate(order)))
@@ -199,9 +199,8 @@ def _march(scene, jobs, count, tile, with_products, on_tile=None) -> Image:
             for some, filled in _tiles(np.flatnonzero(~likely), tile)
         ]
         for index, filled in _tiles(np.flatnonzero(likely), tile):
-            view = _pick(batch.view, filled)
-            sampled = _sample(scene, view, batch.textures)
-            seen = look(scene, sampled, _pick(batch.background, filled))
+            sampled = _sample(scene, batch.view, batch.textures, filled)
+            seen = look(scene, sampled, batch.background, filled)
             parts.append((batch.index[index], seen))
         return parts
 
@@ -268,18 +267,22 @@ def _same(batch: _Batch) -> _Batch:
     return batch
 
 
-def _look(scene, sampled, background):
-    return _radiances(scene, sampled, background), None
+@eqx.filter_jit
+def _look(scene: Scene, sampled: Sampled, background: BandRadiances, index):
+    return radiances(scene, sampled, background[index]), None
 
 
 @eqx.filter_jit
-def _look_with_products(scene, sampled, background):
+def _look_with_products(
+    scene: Scene, sampled: Sampled, background: BandRadiances, index
+):
     # In one piece, so that the march is done once for both.
-    return radiances(scene, sampled, background), products(scene, sampled)
+    return radiances(scene, sampled, background[index]), products(scene, sampled)
 
 
-_sample = eqx.filter_jit(sample)
-_radiances = eqx.filter_jit(radiances)
+@eqx.filter_jit
+def _sample(scene: Scene, view: View, textures: tuple, index) -> Sampled:
+    return sample(scene, view[index], textures)
 
 
 @eqx.filter_jit
@@ -363,11 +366,16 @@ def _kinds(
     )  # fmt: skip
     if alike:
         rows[:, 5:] = 2, 0
-    found, kind_of_ray = np.unique(rows, axis=0, return_inverse=True)
-    order = np.argsort(kind_of_ray, kind="stable")
-    ends = np.cumsum(np.bincount(kind_of_ray.reshape(-1), minlength=len(found)))
+    # One number per row: rows themselves sort twenty times as slowly.
+    low, high = rows.min(0).astype(np.int64), rows.max(0).astype(np.int64)
+    sizes = high - low + 1
+    packed = np.ravel_multi_index(tuple((rows - low).T), tuple(sizes))
+    found, counts = np.unique(packed, return_counts=True)
+    order = np.argsort(packed, kind="stable")
+    ends = np.cumsum(counts)
+    found = np.stack(np.unravel_index(found, tuple(sizes)), axis=-1) + low
     for row, members in zip(found, np.split(order, ends[:-1]), strict=True):
-        kind = kind_of(row.astype(np.int64))
+        kind = kind_of(row)
         textures = tuple(
             layer.cloud.make_textures(kind.footprint, resolution)
             for layer in scene.layers

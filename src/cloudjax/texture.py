@@ -334,40 +334,52 @@ def _unit_vectors(rng: np.random.Generator, shape) -> Float[np.ndarray, "*shape 
 
 @ft.partial(jax.jit, static_argnames="resolution")
 def _gradient_noise(lattice: Float[Array, "c c c 3"], resolution: int):
-    cells = lattice.shape[0]
-    position = jnp.arange(resolution, dtype=jnp.float32) * (cells / resolution)
-    low = jnp.floor(position).astype(jnp.int32)
-    offset = position - low
+    low, high, offset = _cells(lattice.shape[0], resolution)
     # Perlin's quintic fade: second derivatives are continuous across cells.
     fade = offset**3 * (offset * (offset * 6 - 15) + 10)
-    total = jnp.zeros((resolution,) * 3, jnp.float32)
-    for i, j, k in np.ndindex(2, 2, 2):
-        index, towards, weight = [], [], []
-        for axis, corner in enumerate((i, j, k)):
-            shape = tuple(-1 if a == axis else 1 for a in range(3))
-            index.append(((low + corner) % cells).reshape(shape))
-            towards.append((offset - corner).reshape(shape))
-            weight.append((fade if corner else 1 - fade).reshape(shape))
-        g = lattice[index[0], index[1], index[2]]
-        dot = sum(g[..., axis] * towards[axis] for axis in range(3))
-        total += weight[0] * weight[1] * weight[2] * dot
-    return total
+    index = (low, high)
+    towards, weight = (offset, offset - 1), (1 - fade, fade)
+
+    def plane(x):
+        total = jnp.zeros((resolution,) * 2, jnp.float32)
+        for i, j, k in np.ndindex(2, 2, 2):
+            corners = lattice[index[i][x], index[j][:, None], index[k][None]]
+            dot = (
+                corners[..., 0] * towards[i][x]
+                + corners[..., 1] * towards[j][:, None]
+                + corners[..., 2] * towards[k][None]
+            )
+            total += weight[i][x] * weight[j][:, None] * weight[k][None] * dot
+        return total
+
+    return jax.lax.map(plane, jnp.arange(resolution))
 
 
 @ft.partial(jax.jit, static_argnames="resolution")
 def _nearest_point_distance(points: Float[Array, "c c c 3"], resolution: int):
     cells = points.shape[0]
+    low, _, offset = _cells(cells, resolution)
+    index = [(low + step) % cells for step in (-1, 0, 1)]
+    away = [step - offset for step in (-1, 0, 1)]
+
+    def plane(x):
+        nearest2 = jnp.full((resolution,) * 2, jnp.inf, jnp.float32)
+        for i, j, k in np.ndindex(3, 3, 3):
+            p = points[index[i][x], index[j][:, None], index[k][None]]
+            distance2 = (
+                (p[..., 0] + away[i][x]) ** 2
+                + (p[..., 1] + away[j][:, None]) ** 2
+                + (p[..., 2] + away[k][None]) ** 2
+            )
+            nearest2 = jnp.minimum(nearest2, distance2)
+        return jnp.sqrt(nearest2)
+
+    # Plane by plane: the neighbours of all voxels at once take gigabytes.
+    return jax.lax.map(plane, jnp.arange(resolution))
+
+
+def _cells(cells: int, resolution: int):
+    """Of each node along an axis: its cell, the next one, and its place within."""
     position = jnp.arange(resolution, dtype=jnp.float32) * (cells / resolution)
     low = jnp.floor(position).astype(jnp.int32)
-    offset = position - low
-    nearest2 = jnp.full((resolution,) * 3, jnp.inf, jnp.float32)
-    for neighbour in np.ndindex(3, 3, 3):
-        index, towards = [], []
-        for axis, corner in enumerate(neighbour):
-            shape = tuple(-1 if a == axis else 1 for a in range(3))
-            index.append(((low + corner - 1) % cells).reshape(shape))
-            towards.append((corner - 1 - offset).reshape(shape))
-        p = points[index[0], index[1], index[2]]
-        distance2 = sum((p[..., axis] + towards[axis]) ** 2 for axis in range(3))
-        nearest2 = jnp.minimum(nearest2, distance2)
-    return jnp.sqrt(nearest2)
+    return low, (low + 1) % cells, position - low
