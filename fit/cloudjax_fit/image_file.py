@@ -26,8 +26,13 @@ def image_dataset(
     parameters: Mapping[str, float],
     seed: int,
     quantities: Sequence[Quantity] = (RADIANCE,),
+    *,
+    shadows: int = 0,
 ) -> xr.Dataset:
-    """A CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`."""
+    """A CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`.
+
+    **Arguments:** `shadows`: the steps of its shadows.
+    """
     coordinates = fixed_grid_coordinates(data_grid(target.grid))
     # Not "t", as in ABI files: xarray would take it for a part of the name of the grid
     # mapping and read it back as a data variable.
@@ -54,6 +59,7 @@ def image_dataset(
             "cloud_rule": str(target.rule),
             "parameters": json.dumps(dict(parameters)),
             "seed": seed,
+            "shadow_steps": shadows,
         },
     )
 
@@ -65,6 +71,8 @@ def write_image_and_picture(
     parameters: Mapping[str, float],
     seed: int,
     quantities: Sequence[Quantity] = (RADIANCE,),
+    *,
+    shadows: int = 0,
 ) -> None:
     """Write a netCDF file, and a PNG of the same name beside it.
 
@@ -79,7 +87,9 @@ def write_image_and_picture(
             panel_inches=4.6,
             missing="#dbe6f2",
         )
-        data = image_dataset(image, target, parameters, seed, quantities)
+        data = image_dataset(
+            image, target, parameters, seed, quantities, shadows=shadows
+        )
         write_netcdf(aside / path.name, data)
 
 

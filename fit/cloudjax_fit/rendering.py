@@ -12,10 +12,14 @@ from .parameter_file import read_parameters
 from .parameters import Parameter, put_all
 from .prepare import Run
 from .settings import concerning, scene_of
+from .shading import shadows_of
 
 
 def render_run(
-    run: Run, parameter_file: str | os.PathLike[str] | None = None
+    run: Run,
+    parameter_file: str | os.PathLike[str] | None = None,
+    *,
+    shadows: int = 0,
 ) -> tuple[SimulatedImage, dict[str, float]]:
     """Simulate all pixels of a run.
 
@@ -23,11 +27,13 @@ def render_run(
 
     - `parameter_file`: values to use, and the strategy for light that they are for;
       those that it lacks are the settings' defaults.
+    - `shadows`: steps towards the sun, 0 for no shadows.
 
     **Returns:** the image and all parameters that it was made with.
 
     **Raises:** `DataError` if the file cannot be read, or names a parameter that no
-    scene has, or gives one a value beyond its bounds.
+    scene has, or gives one a value beyond its bounds; for shadows with another light
+    than the physical one.
     """
     settings, given = run.settings, {}
     if parameter_file is not None:
@@ -42,6 +48,7 @@ def render_run(
     scene = put_all(
         scene, parameters, jnp.asarray([values[p.name] for p in parameters])
     )
+    scene = replace(scene, shadows=shadows_of(shadows, settings.fit.light))
     image = simulate_image(scene, run.target, run.analysis, settings.fit.resolution)
     return image, values
 

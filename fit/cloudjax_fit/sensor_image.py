@@ -197,6 +197,7 @@ def sensor_dataset(
             "seed": world.seed,
             "steps": world.steps,
             "light": world.light,
+            "shadow_steps": world.shadows,
         },
     )
 

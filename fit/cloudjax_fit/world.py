@@ -52,6 +52,7 @@ from .analysis import fractions_at, wind_at
 from .clear_sky import through_air
 from .model import LIGHTS
 from .sensor_band import SensorBand
+from .shading import shadows_of
 from .surface import Surface
 
 
@@ -76,9 +77,11 @@ class World:
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
     - `light`: the strategy for sunlight, one of `model.LIGHTS`.
     - `air`: whether gases and Rayleigh scattering count.
+    - `shadows`: steps towards the sun, 0 for no shadows.
 
     **Raises:** `DataError` for regional weather, for air comes from outside of it;
-    without a class; for a negative seed or no steps.
+    without a class; for a negative seed or no steps; for shadows with another light
+    than the physical one.
     """
 
     series: WeatherSeries
@@ -88,6 +91,7 @@ class World:
     omega_sign: float = -1.0
     light: str = "physical"
     air: bool = True
+    shadows: int = 0
 
     def __post_init__(self):
         cube = self.series.cubes[0]
@@ -106,6 +110,7 @@ class World:
             raise DataError(
                 f"There is no light {self.light!r}: make it {' or '.join(LIGHTS)}."
             )
+        shadows_of(self.shadows, self.light)
 
     def require_resolution(self, voxels: int) -> None:
         """Raise `DataError` if so many per axis are too few for a texture."""
@@ -148,6 +153,7 @@ class World:
             emission=LIGHTS[self.light].emission() if emissive else None,
             temperature=StandardAtmosphere(),
             air=Air.of_bands([band.number for band in bands]) if self.air else None,
+            shadows=shadows_of(self.shadows, self.light),
         )
 
     def weather(self, time: datetime) -> Weather:

@@ -50,6 +50,7 @@ from .footprint import POINT as POINT
 from .footprint import Footprint as Footprint
 from .geodesy import GRS80 as GRS80
 from .geodesy import Ellipsoid as Ellipsoid
+from .gridded import GriddedCloud as GriddedCloud
 from .imaging import (
     Image as Image,
 )
@@ -114,6 +115,7 @@ from .scene import (
 from .scene import (
     sample as sample,
 )
+from .shadows import Shadows as Shadows
 from .shell import Shell as Shell
 from .source import AbstractCloudSource as AbstractCloudSource
 from .source import Occupancy as Occupancy

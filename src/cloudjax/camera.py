@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from .geodesy import GRS80, Ellipsoid, ecef
+from .geodesy import GRS80, Ellipsoid, east_north_up, ecef
 from .rays import Rays
 
 
@@ -86,7 +86,7 @@ class Camera:
         line = -here + _place(
             target_latitude_deg, target_longitude_deg, target_altitude_m, ellipsoid
         )
-        east, north, vertical = _east_north_up(latitude_deg, longitude_deg) @ line
+        east, north, vertical = east_north_up(latitude_deg, longitude_deg) @ line
         distance, across = np.linalg.norm(line), np.hypot(east, north)
         if distance == 0:
             raise ValueError("A camera cannot look at its own place: move the target.")
@@ -130,7 +130,7 @@ class Camera:
             np.cos(ρ) * right - np.sin(ρ) * top,
             np.cos(ρ) * top + np.sin(ρ) * right,
         )
-        return np.stack(rolled) @ _east_north_up(self.latitude_deg, self.longitude_deg)
+        return np.stack(rolled) @ east_north_up(self.latitude_deg, self.longitude_deg)
 
     def rays(self, pixels: Int[np.ndarray, " rays"] | None = None) -> Rays:
         """Lines of sight of the pixels with these flat indices, or of all.
@@ -157,17 +157,3 @@ class Camera:
 def _place(latitude_deg, longitude_deg, altitude_m, ellipsoid):
     φ, λ, z = np.array([[latitude_deg], [longitude_deg], [altitude_m]], np.float64)
     return ecef(φ, λ, z, ellipsoid)[0]
-
-
-def _east_north_up(
-    latitude_deg: float, longitude_deg: float
-) -> Float[np.ndarray, "3 3"]:
-    """Rows are the local unit vectors, ECEF; at a pole north is along the meridian."""
-    φ, λ = np.radians([latitude_deg, longitude_deg])
-    return np.array(
-        [
-            [-np.sin(λ), np.cos(λ), 0.0],
-            [-np.sin(φ) * np.cos(λ), -np.sin(φ) * np.sin(λ), np.cos(φ)],
-            [np.cos(φ) * np.cos(λ), np.cos(φ) * np.sin(λ), np.sin(φ)],
-        ]
-    )

@@ -10,9 +10,9 @@ from jaxtyping import Array, Float
 
 from .cloud_function import CloudFunction
 from .footprint import POINT, Footprint
+from .fractal_path import FractalPath
 from .geodesy import geodetic, vertical
 from .path import (
-    Path,
     along_chord,
     device_array,
     drift_m,
@@ -57,35 +57,6 @@ class Latent(eqx.Module):
         return Latent(
             jnp.asarray(nodes, float), jnp.asarray(weights / weights.sum(), float)
         )
-
-
-class FractalPath(eqx.Module):
-    """A ray's way through a fractal shell.
-
-    Masks and winds are found at the knots, equally far apart from the entry to the
-    exit, and are linear in between.
-
-    **Fields:**
-
-    - `path`: the geometry.
-    - `mask`: weather mask w at the knots.
-    - `texture_entry`: upwind position of the entry in periods, reduced to [0, 1).
-    - `texture_change`: from the entry to each further knot, in periods.
-    - `strain`: ∂x'/∂x of each texture's displacement, None without wind.
-    """
-
-    path: Path
-    mask: Float[Array, "rays knots"]
-    texture_entry: Float[Array, "rays textures 3"]
-    texture_change: Float[Array, "rays textures 3 knots-1"]
-    strain: Float[Array, "rays textures 3 3"] | None
-
-    def position(self, texture: int, points: int) -> Float[Array, "3 rays {points}"]:
-        """In a texture, in periods, in the middle of equal parts of the chord."""
-        change = jnp.moveaxis(self.texture_change[:, texture], (2, 1), (0, 1))
-        ways = [jnp.zeros((3, 1, 1)), *change[..., None]]
-        entry = self.texture_entry[:, texture].T
-        return entry[..., None] + along_chord(ways, points)
 
 
 class FractalSamples(eqx.Module):
@@ -231,6 +202,16 @@ class FractalCloud(AbstractCloudSource):
             up=way.path.up(way.path.distance_m(points)) if with_gradient else None,
             texture_gradients=tuple(gradients) if with_gradient else None,
         )
+
+    def branch(
+        self,
+        way: FractalPath,
+        distance_m: Float[Array, " rays"],
+        direction: Float[Array, "3"],
+        ends_m: Float[Array, "rays ends"],
+    ) -> FractalPath:
+        periods = jnp.asarray(self.length_scales_m, float)
+        return way.branch(distance_m, direction, ends_m, periods)
 
     def occupancy(self, samples: FractalSamples) -> Occupancy:
         """The soft level set: how much of each step is cloud, for each latent node."""

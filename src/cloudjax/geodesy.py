@@ -47,6 +47,20 @@ def up(
     return np.stack([np.cos(φ) * np.cos(λ), np.cos(φ) * np.sin(λ), np.sin(φ)], axis=-1)
 
 
+def east_north_up(
+    latitude_deg: float, longitude_deg: float
+) -> Float[np.ndarray, "3 3"]:
+    """Rows are the local unit vectors, ECEF; at a pole north is along the meridian."""
+    φ, λ = np.radians([latitude_deg, longitude_deg])
+    return np.array(
+        [
+            [-np.sin(λ), np.cos(λ), 0.0],
+            [-np.sin(φ) * np.cos(λ), -np.sin(φ) * np.sin(λ), np.cos(φ)],
+            [np.cos(φ) * np.cos(λ), np.cos(φ) * np.sin(λ), np.sin(φ)],
+        ]
+    )
+
+
 def ecef(
     latitude_deg: Float[np.ndarray, "*n"],
     longitude_deg: Float[np.ndarray, "*n"],

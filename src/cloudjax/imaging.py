@@ -193,7 +193,8 @@ def _march(scene, jobs, count, tile, with_products, on_tile=None) -> Image:
     def march(job: _Job) -> list:
         batch = job()
         chance = np.asarray(_likelihood(scene, batch.view))[: len(batch.index)]
-        likely = chance > LEAST_LIKELIHOOD
+        # Where no cloud is, the shadow of another may be.
+        likely = (chance > LEAST_LIKELIHOOD) | (scene.shadows is not None)
         parts = [
             (batch.index[some], unseen(_pick(batch.background, filled)))
             for some, filled in _tiles(np.flatnonzero(~likely), tile)

@@ -23,6 +23,8 @@ class Path(eqx.Module):
     - `radius_m`: of the osculating sphere in the ray's vertical plane, to the entry.
     - `direction`: of travel, unit vector, ECEF.
     - `entry_up`: geodetic vertical at the entry, ECEF.
+    - `ends_m`: distances from the entry at which steps begin and end; None where they
+      are equal.
     """
 
     length_m: Float[Array, " rays"]
@@ -30,9 +32,12 @@ class Path(eqx.Module):
     radius_m: Float[Array, " rays"]
     direction: Float[Array, "rays 3"]
     entry_up: Float[Array, "rays 3"]
+    ends_m: Float[Array, "rays ends"] | None = None
 
     def distance_m(self, steps: int) -> Float[Array, "rays {steps}"]:
-        """Distances from the entry to the middle of equal steps along the chord."""
+        """Distances from the entry to the middle of the steps along the chord."""
+        if self.ends_m is not None:
+            return (self.ends_m[:, 1:] + self.ends_m[:, :-1]) / 2
         fraction = (jnp.arange(steps, dtype=self.length_m.dtype) + 0.5) / steps
         return self.length_m[:, None] * fraction[None, :]
 
@@ -48,6 +53,20 @@ class Path(eqx.Module):
         gained = (2 * r * self._slope()[:, None] + distance_m) * distance_m
         return self.entry_altitude_m[:, None] + gained / (r + jnp.sqrt(r**2 + gained))
 
+    def distance_to_m(
+        self, altitude_m: Float[Array, "rays points"]
+    ) -> Float[Array, "rays points"]:
+        """Distance from the entry to an altitude, the inverse of `altitude_m`.
+
+        Negative before the entry. The nearer one of two; where the ray never comes so
+        low or so high, that of its turning point or thereabouts.
+        """
+        r, gained = self.radius_m[:, None], altitude_m - self.entry_altitude_m[:, None]
+        gained = (2 * r + gained) * gained
+        slope = r * self._slope()[:, None]
+        root = jnp.sqrt(jnp.maximum(slope**2 + gained, 1.0))
+        return gained / (slope + jnp.where(slope < 0, -root, root))
+
     def up(
         self, distance_m: Float[Array, "rays steps"]
     ) -> Float[Array, "3 rays steps"]:
@@ -55,6 +74,28 @@ class Path(eqx.Module):
         start = self.radius_m[None, :] * self.entry_up.T
         position = start[..., None] + self.direction.T[..., None] * distance_m[None]
         return position / jnp.linalg.norm(position, axis=0)[None]
+
+    def branch(
+        self,
+        distance_m: Float[Array, " rays"],
+        direction: Float[Array, "3"],
+        ends_m: Float[Array, "rays ends"],
+    ) -> "Path":
+        """A way that leaves the ray after a distance, in another direction.
+
+        On a sphere of the same curvature at the ground: its altitudes differ from those
+        over the ellipsoid by less than 1 % of the drop of the horizon.
+        """
+        start = distance_m[:, None]
+        altitude = self.altitude_m(start)[:, 0]
+        return Path(
+            length_m=ends_m[:, -1],
+            entry_altitude_m=altitude,
+            radius_m=self.radius_m + (altitude - self.entry_altitude_m),
+            direction=jnp.broadcast_to(direction[None], self.direction.shape),
+            entry_up=self.up(start)[..., 0].T,
+            ends_m=ends_m,
+        )
 
     def _slope(self) -> Float[Array, " rays"]:
         return (self.direction * self.entry_up).sum(-1)
@@ -107,6 +148,22 @@ def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
     at = (np.arange(steps) + 0.5) / steps * points - 0.5
     at = np.clip(at, 0, points - 1)[:, None]
     return np.maximum(1 - np.abs(at - np.arange(points)), 0)
+
+
+def on_chord(
+    knots: Sequence[Float[Array, "*n"]], at: Float[Array, "*#n"]
+) -> Float[Array, "*n"]:
+    """From values at the knots to any part of the chord, 0 its entry and 1 its exit.
+
+    Linear in between, and beyond as in the first and the last stretch.
+    """
+    stretches = len(knots) - 1
+    total = knots[0]
+    for i in range(stretches):
+        low, high = 0.0 if i else -jnp.inf, 1.0 if i + 1 < stretches else jnp.inf
+        part = jnp.clip(at * stretches - i, low, high)
+        total = total + part * (knots[i + 1] - knots[i])
+    return total
 
 
 def drift_m(

@@ -22,6 +22,7 @@ from .geodesy import geodetic
 from .light import AbstractReflection, Scatterers
 from .path import Path, along_chord, device_array, points_along
 from .rays import Rays
+from .shadows import Passage, Shades, Shadows, find_shades
 from .shell import chords, second_chords
 from .source import AbstractCloudSource
 
@@ -74,6 +75,13 @@ class Layer(eqx.Module):
         )
 
     @property
+    def returned_per_m(self) -> Float[Array, " reflective"]:
+        """Of the light in each reflective band what is sent back: bβ (`shadows.py`)."""
+        particles = self.scatterers
+        turned = (1 - particles.co_albedo) * particles.asymmetry
+        return self.sunlit_per_m * (1 - turned) / 2
+
+    @property
     def absorptions_per_m(self) -> Float[Array, " emissive"]:
         """Of the pure absorber in each emissive band."""
         return self.extinction_per_m * (self.infrared_ratio * self.relative_absorption)
@@ -115,6 +123,7 @@ class Scene(eqx.Module):
     - `temperature`: of the cloud and the air, by altitude.
     - `emission`: how cloud scatters thermal radiation; None takes it for an absorber.
     - `air`: above the clouds; None leaves it out.
+    - `shadows`: how clouds shade each other; None where they do not.
     """
 
     layers: tuple[Layer, ...]
@@ -124,6 +133,7 @@ class Scene(eqx.Module):
     temperature: AbstractTemperature
     emission: EmittingSlabs | None = None
     air: Air | None = None
+    shadows: Shadows | None = None
 
     def __check_init__(self):
         if self.reflective is None and self.emissive is None:
@@ -237,6 +247,8 @@ class Sampled(eqx.Module):
     - `clouds`: of each way, what its source sampled.
     - `air_k`: temperature at its steps; None as in `View`.
     - `paths`, `start_m`, `column`, `sun_direction`, `layer_of`: as in `View`.
+    - `shades`: what is on the way to the sun; None without shadows. The points that are
+      shaded are those of the parameters at hand: another set wants other samples.
     """
 
     clouds: tuple[PyTree, ...]
@@ -246,6 +258,7 @@ class Sampled(eqx.Module):
     column: Column | None
     sun_direction: Float[Array, "3"]
     layer_of: tuple[int, ...] = eqx.field(static=True)
+    shades: Shades | None = None
 
     def __getitem__(self, index) -> "Sampled":
         """Those of some of the rays."""
@@ -284,7 +297,21 @@ def sample(scene: Scene, view: View, textures: tuple) -> Sampled:
         view.column,
         view.sun_direction,
         view.layer_of,
+        _shades(scene, view, textures, clouds),
     )
+
+
+def _shades(scene: Scene, view: View, textures: tuple, clouds: tuple) -> Shades | None:
+    if scene.shadows is None or scene.reflective is None:
+        return None
+    passages = [
+        Passage(layer.cloud, textures[i], way, samples, start, layer.returned_per_m)
+        for i, way, samples, start in zip(
+            view.layer_of, view.ways, clouds, view.start_m, strict=True
+        )
+        for layer in [scene.layers[i]]
+    ]
+    return find_shades(scene.shadows, passages, view.layer_of, view.sun_direction)
 
 
 def join(parts: Sequence[Sampled]) -> Sampled:

@@ -86,5 +86,22 @@ class AbstractCloudSource(eqx.Module):
         """What the source needs along the rays; holds `distance_m`, `altitude_m`."""
 
     @abc.abstractmethod
+    def branch(
+        self,
+        way,
+        distance_m: Float[Array, " rays"],
+        direction: Float[Array, "3"],
+        ends_m: Float[Array, "rays ends"],
+    ) -> Any:
+        """Ways that leave others in one direction, on the device; `sample` takes them.
+
+        **Arguments:**
+
+        - `distance_m`: from the entry of each way to where it is left; also before the
+          entry or behind the exit.
+        - `ends_m`: distances from there at which steps begin and end.
+        """
+
+    @abc.abstractmethod
     def occupancy(self, samples) -> Occupancy:
         """How much of each step is cloud."""

@@ -17,6 +17,7 @@ from .order import Place, Stretch, overlap, place
 from .path import Path
 from .reflectance import above_horizon
 from .scene import BandRadiances, Layer, Sampled, Scene
+from .shadows import dimming
 
 
 # Optical depth at which imagers begin to call a pixel cloudy.
@@ -102,7 +103,7 @@ def radiances(
     if scene.reflective is not None and background.reflective is not None:
         bands = scene.reflective
         behind = bands.reflectance(background.reflective)
-        source, passed = _reflected(scene, ways, sampled.sun_direction, behind)
+        source, passed = _reflected(scene, ways, sampled, behind)
         path = bands.path[:, None]
         if scene.air is not None and sampled.column is not None:
             veil = scene.air.veil(bands, sampled.column, _top_m(ways))
@@ -118,7 +119,7 @@ def radiances(
     return BandRadiances(reflective, emissive)
 
 
-def _reflected(scene: Scene, ways: Sequence[_Seen], sun, background):
+def _reflected(scene: Scene, ways: Sequence[_Seen], sampled: Sampled, background):
     """Reflectance factor of all cloud and its transmittance, [bands rays] both.
 
     A layer's light is dimmed by what lies in front of the part of it that is seen. What
@@ -127,7 +128,7 @@ def _reflected(scene: Scene, ways: Sequence[_Seen], sun, background):
     """
     # All bands in one, or the strategy would be compiled anew for each.
     each_band = jax.vmap(scene.reflection, in_axes=(0, 0, None))
-    lights = [_illumination(way, sun) for way in ways]
+    lights = [_illumination(way, sampled.sun_direction) for way in ways]
     returned = [
         each_band(
             way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
@@ -136,9 +137,11 @@ def _reflected(scene: Scene, ways: Sequence[_Seen], sun, background):
         )
         for way, light in zip(ways, lights, strict=True)
     ]
+    dimmed, ground = _shaded(scene, sampled)
+    background = ground * background
     reflected = [
-        jax.vmap(way.passed.mean)(own.reflectance)
-        for way, own in zip(ways, returned, strict=True)
+        jax.vmap(way.passed.mean)(dim * own.reflectance)
+        for way, own, dim in zip(ways, returned, dimmed, strict=True)
     ]
     before = [_before(way, ways) for way in ways]
     passed = []
@@ -153,11 +156,24 @@ def _reflected(scene: Scene, ways: Sequence[_Seen], sun, background):
         passed.append(jax.vmap(way.passed.mean)(own.transmittance / (1 - echo)))
     source, transmittance = jnp.zeros_like(background), jnp.ones_like(background)
     for shares, own, left in zip(before, reflected, passed, strict=True):
-        for share, dimming in zip(shares, passed, strict=True):
+        for share, through in zip(shares, passed, strict=True):
             if share is not None:
-                own = own * (1 - share[None] * (1 - dimming))
+                own = own * (1 - share[None] * (1 - through))
         source, transmittance = source + own, transmittance * left
-    return source, transmittance
+    return source, ground * transmittance
+
+
+def _shaded(scene: Scene, sampled: Sampled):
+    """What shadows leave of the light of each way's cloud, and of the ground's."""
+    if sampled.shades is None:
+        return [1.0] * len(sampled.layer_of), 1.0
+    layers = scene.layers
+    casters = [layer.cloud for layer in layers], [la.returned_per_m for la in layers]
+    ways = [
+        dimming(shades, *casters, own=i)
+        for i, shades in zip(sampled.layer_of, sampled.shades.ways, strict=True)
+    ]
+    return ways, dimming(sampled.shades.ground, *casters)[:, 0]
 
 
 def _before(way: _Seen, others: Sequence[_Seen]) -> list[Float[Array, " rays"] | None]:

@@ -45,6 +45,12 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
     default=["radiance"],
     help="Of the file's variables; again for more.  [default: radiance]",
 )
+@click.option(
+    "--shadows",
+    type=click.IntRange(0),
+    default=0,
+    help="Steps towards the sun, with physical light; 6 are good.  [default: 0, none]",
+)
 @click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
 @click.option(
@@ -120,9 +126,11 @@ def _render_scene(scene: str, path: Path, bands, options) -> None:
         ignore_weather=options["ignore_weather"],
     )
     quantities = chosen_quantities(options["quantities"], run.target.bands.values())
-    image, values = render_run(run, options["parameters"])
-    seed = run.settings.fit.seed
-    write_image_and_picture(path, image, run.target, values, seed, quantities)
+    seed, shadows = run.settings.fit.seed, options["shadows"]
+    image, values = render_run(run, options["parameters"], shadows=shadows)
+    write_image_and_picture(
+        path, image, run.target, values, seed, quantities, shadows=shadows
+    )
     click.echo(f"{path} and {path.with_suffix('.png')}")
 
 
@@ -149,7 +157,7 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
 def _world(weather, options):
     from cloudjax_fit.world import open_world
 
-    given = {name: options[name] for name in ("seed", "steps", "light")}
+    given = {name: options[name] for name in ("seed", "steps", "light", "shadows")}
     return open_world(
         weather,
         options["classes"],

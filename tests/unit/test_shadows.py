@@ -1,0 +1,205 @@
+"""Branches towards the sun, what is left out, and derivatives on the hard set."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cloudjax import (
+    Rays,
+    Scene,
+    Shadows,
+    Shell,
+    Wind,
+    displacement_map,
+    navigate,
+    sample,
+)
+from cloudjax.geodesy import geodetic
+from cloudjax.path import on_chord
+from cloudjax.shadows import dimming
+from cloudjax.shell import Chords, chords
+from tests.helpers import (
+    emissive_bands,
+    fractal_cloud,
+    geostationary_rays,
+    layer,
+    limb_rays,
+    make_scene,
+    make_textures,
+    pixel,
+    reflective_bands,
+    sun,
+)
+
+
+RAYS = geostationary_rays(12)
+STEPS = Shadows(2)
+
+
+def _scene(*layers, shadows: Shadows | None = STEPS, thermal=False) -> Scene:
+    bands = (None, emissive_bands(13)) if thermal else (reflective_bands(1), None)
+    scene = make_scene(layers or [_layer()], *bands)
+    return dataclasses.replace(scene, shadows=shadows)
+
+
+def _layer(extinction=0.01, shell: Shell | None = None, **changes):
+    cloud = fractal_cloud(shell or Shell(500.0, 4000.0), nodes=2, **changes)
+    particles = {"asymmetry": jnp.asarray([0.85])}
+    one = layer(cloud, extinction_per_m=extinction, steps=4)
+    return dataclasses.replace(one, **particles)
+
+
+def test_values_on_a_chord_are_linear_between_knots_and_beyond():
+    knots = [jnp.asarray([0.0]), jnp.asarray([2.0]), jnp.asarray([3.0])]
+    for at, expected in ((0.0, 0), (0.25, 1), (0.5, 2), (1.0, 3), (-0.5, -2), (2.0, 5)):
+        np.testing.assert_allclose(on_chord(knots, jnp.asarray([at])), [expected])
+
+
+@pytest.mark.parametrize("knots", [2, 9])
+@pytest.mark.parametrize("part", [-0.3, 0.4, 1.2])
+def test_a_branch_runs_towards_the_sun(knots, part):
+    """Altitudes and textures are those of the points in space, to float32."""
+    cloud, direction = fractal_cloud(), sun(60.0)
+    chord = chords(RAYS, cloud.shell)
+    left = part * chord.length_m
+    ends = np.array([200.0, 500.0, 1500.0, 4000.0])
+    branch = cloud.branch(
+        cloud.navigate(RAYS, chord, knots=knots),
+        jnp.asarray(left, float),
+        jnp.asarray(direction, float),
+        jnp.broadcast_to(jnp.asarray(ends, float), (len(RAYS), 4)),
+    )
+    textures = cloud.make_textures(pixel(500.0), 32)
+    found = cloud.sample(branch, textures, steps=3, with_gradient=False)
+    middle = (ends[1:] + ends[:-1]) / 2
+    start = RAYS.at(chord.entry_m + left)
+    place = start[:, None] + middle[None, :, None] * direction
+    np.testing.assert_allclose(found.distance_m[0], middle, rtol=1e-6)
+    np.testing.assert_allclose(found.altitude_m, geodetic(place)[2], atol=0.1)
+    for texture, period, values in zip(
+        textures, cloud.length_scales_m, found.texture_values, strict=True
+    ):
+        u = np.moveaxis(place / period % 1, -1, 0)
+        np.testing.assert_allclose(values, texture.sample(jnp.asarray(u)), atol=1e-4)
+
+
+def test_a_branch_follows_the_wind():
+    """Textures as on rays that are navigated from the branching points themselves.
+
+    Tolerance: 0.01 of a standard deviation, for how air is strained is that of the
+    first point of the ray.
+    """
+    latitude, longitude = np.arange(-90.0, 91, 10), np.arange(0.0, 360, 10)
+    northward = 5 * np.sin(np.radians(latitude))[None, :, None] + np.zeros((1, 19, 36))
+    eastward = np.full((1, 19, 36), 20.0)
+    wind = Wind(eastward, northward, latitude, longitude, radius_m=6.378e6)
+    cloud, direction = fractal_cloud(), sun(60.0)
+    moved = displacement_map(wind, hours=10.0, resolution_deg=5.0)
+    chord = chords(RAYS, cloud.shell)
+    left = 0.6 * chord.length_m
+    ends = jnp.broadcast_to(jnp.linspace(0, 4000.0, 4)[None], (len(RAYS), 4))
+    way = cloud.navigate(RAYS, chord, None, moved)
+    aside = jnp.asarray(direction, float)
+    branch = cloud.branch(way, jnp.asarray(left, float), aside, ends)
+    start = RAYS.at(chord.entry_m + left)
+    onward = Rays(start, np.broadcast_to(direction, start.shape), RAYS.pixel_rad)
+    whole = Chords(np.zeros(len(RAYS)), np.full(len(RAYS), 4000.0))
+    textures = cloud.make_textures(pixel(500.0), 32)
+    found, expected = (
+        cloud.sample(one, textures, steps=3, with_gradient=False)
+        for one in (branch, cloud.navigate(onward, whole, None, moved))
+    )
+    for values, truth in zip(
+        found.texture_values, expected.texture_values, strict=True
+    ):
+        np.testing.assert_allclose(values, truth, atol=0.01)
+
+
+def test_what_is_not_asked_is_not_looked_for():
+    for scene in (_scene(shadows=None), _scene(thermal=True)):
+        view = navigate(scene, RAYS, sun(30.0))
+        shapes = eqx.filter_eval_shape(sample, scene, view, make_textures(scene))
+        assert shapes.shades is None
+
+
+def test_layers_below_shade_nothing_above():
+    low, high = _layer(), _layer(shell=Shell(4000.0, 6000.0))
+    scene = _scene(low, high)
+    view = navigate(scene, RAYS, sun(30.0))
+    shades = eqx.filter_eval_shape(sample, scene, view, make_textures(scene)).shades
+    assert shades is not None
+    cast = [[shade is not None for shade in way] for way in shades.ways]
+    assert cast == [[True, True], [False, True]]
+
+
+def test_no_steps_are_refused():
+    with pytest.raises(ValueError, match="leave them out"):
+        Shadows(0)
+
+
+def _left(x, view, textures):
+    """Mean and mean square of what shadows leave of a cloud's light and the ground's.
+
+    For threshold, top and the logarithm of the extinction.
+    """
+    cloud = {"threshold": 0.2 + 0.1 * x[0], "top_m": 3e3 + 200 * x[1]}
+    scene = _scene(_layer(0.01 * jnp.exp(x[2]), **cloud))
+    shades = sample(scene, view, textures).shades
+    assert shades is not None
+    sources = [one.cloud for one in scene.layers]
+    returned = [one.returned_per_m for one in scene.layers]
+    left = (
+        dimming(shades.ways[0], sources, returned, own=0),
+        dimming(shades.ground, sources, returned),
+    )
+    return jnp.stack([f(part) for part in left for f in (jnp.mean, jnp.var)])
+
+
+def test_derivatives_of_both_modes_and_differences_agree():
+    """In double precision, through the points that are shaded as well."""
+    with jax.enable_x64(True):
+        scene = _scene()
+        data = navigate(scene, RAYS, sun(60.0)), make_textures(scene, pixel(2e3))
+
+        @jax.jit
+        def forward(x):
+            return jax.jacfwd(lambda x: (_left(x, *data),) * 2, has_aux=True)(x)
+
+        found, _ = forward(jnp.zeros(3))
+        reverse = jax.jit(jax.jacrev(lambda x: _left(x, *data)))(jnp.zeros(3))
+        ends = [forward(s)[1] - forward(-s)[1] for s in 1e-5 * jnp.eye(3)]
+        differences = jnp.stack(ends, axis=-1) / 2e-5
+    np.testing.assert_allclose(found, reverse, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found, differences, rtol=1e-4, atol=1e-6)
+    assert np.all(np.abs(found).max(0) > 1e-4), "a parameter does nothing"
+
+
+HARD = [
+    *[(0.0, 0.0, zenith) for zenith in (0.0, 89.99, 90.0, 90.01, 180.0)],
+    *[
+        (threshold, log, 88.0)
+        for threshold in (-400.0, 400.0)
+        for log in (-200.0, 14.0)
+    ],
+]
+
+
+def test_hard_cases_are_finite():
+    """Sun at the horizon, empty and full sky, optical depths of 0 and 1e7, the limb."""
+    scene = _scene()
+    rays = limb_rays(-5e3, 1e3, 3e3, 1e4)
+
+    @jax.jit
+    def both(x, view, textures):
+        return jax.jacfwd(lambda x: (_left(x, view, textures),) * 2, has_aux=True)(x)
+
+    textures = make_textures(scene)
+    for threshold, log, zenith in HARD:
+        view = navigate(scene, rays, sun(zenith, 0.0, 90.0), twice=True)
+        x = jnp.asarray([threshold, 0.0, log])
+        for part in both(x, view, textures):
+            assert np.isfinite(part).all(), (threshold, log, zenith)
