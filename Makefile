@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
 
-.PHONY: demo test test-slow lint check bench bench-tradeoff bench-footprint bench-large-image clean
+.PHONY: demo test test-slow lint check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
 
 demo: $(VENV)/installed
 	$(BIN)/cloudjax demo -o out/demo
@@ -35,6 +35,10 @@ bench-footprint: $(VENV)/installed
 
 bench-large-image: $(VENV)/installed
 	$(BIN)/python benchmarks/large_image.py -o out/large_image
+
+# CLOUDJAX_DATA: where the consensus results are (README of the I3RC).
+bench-step-cloud: $(VENV)/installed
+	$(BIN)/python benchmarks/step_cloud.py $(CLOUDJAX_DATA)/i3rc_case1/consensus_results
 
 $(BIN)/python:
 	PYTHON="$(PYTHON)" tools/make_venv.sh $(VENV)

@@ -71,26 +71,25 @@ class Passage(eqx.Module):
         """Its own samples at the altitudes of others that were taken of its source."""
         altitude = samples.altitude_m
         count = self.samples.distance_m.shape[-1]
-        share = (
-            self.path.distance_to_m(altitude)
-            / jnp.maximum(self.path.length_m, 1.0)[:, None]
-        )
-        at = jnp.clip(share * count - 0.5, 0, count - 1)
-        low = jnp.clip(jnp.floor(at), 0, max(count - 2, 0)).astype(jnp.int32)
+        length = jnp.maximum(self.path.length_m, 1.0)[:, None]
+        at = self.path.distance_to_m(altitude) / length * count - 0.5
+        at = jnp.clip(at, 0, count - 1)
+        low = jnp.floor(at).astype(jnp.int32)
+        high = jnp.minimum(low + 1, count - 1)
 
         def read(profile):
-            index = jnp.broadcast_to(low, (*profile.shape[:-1], low.shape[-1]))
-            before = jnp.take_along_axis(profile, index, axis=-1)
-            after = jnp.take_along_axis(
-                profile, jnp.minimum(index + 1, count - 1), axis=-1
+            before, after = (
+                jnp.take_along_axis(profile, jnp.broadcast_to(i, shape), axis=-1)
+                for shape in [(*profile.shape[:-1], low.shape[-1])]
+                for i in (low, high)
             )
             return before + (at - low) * (after - before)
 
         def pick(wanted, found):
-            # Rays have one axis, their steps another; what is not wanted is not read.
-            if wanted is None or wanted.ndim < 2:
-                return None if wanted is None else found
-            return read(found)
+            # Without what nobody asks for; what has rays only has no steps to read.
+            if wanted is None:
+                return None
+            return read(found) if wanted.ndim > 1 else found
 
         taken = jax.tree.map(pick, samples, self.samples, is_leaf=lambda x: x is None)
         # Between steps the altitude is no straight line to the last metre, and a level
@@ -129,8 +128,8 @@ class Shade(eqx.Module):
         """Vertical length of the cloud on both ways, and the weights of the nodes."""
         sunward, own = source.occupancy(self.sunward), source.occupancy(self.own)
         rise = self.rise_m[None]
-        lengths = (jnp.sum(way.fraction * rise, axis=-1) for way in (sunward, own))
-        return *lengths, own.weights
+        lit = jnp.sum(sunward.fraction * rise, axis=-1)
+        return lit, jnp.sum(own.fraction * rise, axis=-1), own.weights
 
 
 class Shades(eqx.Module):

@@ -79,7 +79,11 @@ def _change(clouds, rays: Rays, sun_direction, sunward: int, **options) -> np.nd
 
 def _columns(density: Float[Array, "x z"], shell: Shell, wide_m: float, **grid):
     return GriddedCloud(
-        density[:, None], shell, (-0.5, 0.0), (wide_m, 110574.0), **grid
+        density=density[:, None],
+        shell=shell,
+        corner_deg=(-0.5, 0.0),
+        spacing_m=(wide_m, 110574.0),
+        **grid,
     )
 
 

@@ -302,6 +302,7 @@ GIVEN = ("--weather", "gfs.grib2", "--classes", "classes.toml")
         ((*MESO, *GIVEN, "--seed", "-1"), "seed = -1"),
         ((*MESO, *GIVEN, "--resolution", "16"), "too coarse for the textures of low"),
         ((*MESO, *GIVEN, "--minutes", "0"), "--minutes"),
+        ((*MESO, *GIVEN, "--shadows", "6", "--light", "paper"), "use --light physical"),
         ((*MESO, *GIVEN, "--ignore-weather"), "leave out --ignore-weather"),
         ((*MESO, *GIVEN, "--parameters", "p.toml"), "leave out --parameters"),
         (("abi-meso-10km", *GIVEN, "--centre", "20"), "'20'"),

@@ -16,13 +16,19 @@ VALUES = np.random.default_rng(0).random((3, 5, 4)).astype(np.float32)
 
 
 def _cloud(values=VALUES, **grid) -> GriddedCloud:
-    return GriddedCloud(jnp.asarray(values), SHELL, CORNER, (200.0, 100.0), **grid)
+    return GriddedCloud(
+        density=jnp.asarray(values),
+        shell=SHELL,
+        corner_deg=CORNER,
+        spacing_m=(200.0, 100.0),
+        **grid,
+    )
 
 
 def _rays(east_m, north_m) -> Rays:
     """Straight down over the corner's plane."""
     east, north, up = east_north_up(*CORNER)
-    corner = ecef(*(np.array([c]) for c in CORNER), np.zeros(1))
+    corner = ecef(np.array(CORNER[:1]), np.array(CORNER[1:]), np.zeros(1))
     ground = corner + np.outer(east_m, east) + np.outer(north_m, north)
     down = np.broadcast_to(-up, ground.shape)
     return Rays(ground - 1e4 * down, down, 1e-4)

@@ -1,6 +1,7 @@
 """Branches towards the sun, what is left out, and derivatives on the hard set."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -46,7 +47,7 @@ def _scene(*layers, shadows: Shadows | None = STEPS, thermal=False) -> Scene:
     return dataclasses.replace(scene, shadows=shadows)
 
 
-def _layer(extinction=0.01, shell: Shell | None = None, **changes):
+def _layer(extinction: Any = 0.01, shell: Shell | None = None, **changes):
     cloud = fractal_cloud(shell or Shell(500.0, 4000.0), nodes=2, **changes)
     particles = {"asymmetry": jnp.asarray([0.85])}
     one = layer(cloud, extinction_per_m=extinction, steps=4)

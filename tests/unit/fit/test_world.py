@@ -229,3 +229,14 @@ def test_band_7_reflects_and_emits_by_day_and_emits_by_night(tmp_path):
     # 14.655 mW m⁻² (cm⁻¹)⁻¹ of sunlight, over π.
     reflected = 0.02 * sun * 14.655 / np.pi
     np.testing.assert_allclose(seen[True] - seen[False], [reflected, 0], rtol=1e-4)
+
+
+def test_shadows_are_asked_in_steps_and_for_physical_light(tmp_path):
+    cube = analysis(tmp_path)
+    assert world(cube).scene([BANDS[2]]).shadows is None
+    shadows = world(cube, shadows=4).scene([BANDS[2]]).shadows
+    assert shadows is not None
+    assert shadows.steps == 4
+    for wrong in ({"shadows": -1}, {"shadows": 4, "light": "paper"}):
+        with pytest.raises(DataError):
+            world(cube, **wrong)
