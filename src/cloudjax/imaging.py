@@ -20,19 +20,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .footprint import Kind, kind_of, kinds
+from .footprint import Kind
 from .rays import Rays
 from .scene import BandRadiances, Sampled, Scene, View, join, navigate, sample
-from .shell import Shell
+from .tiling import Sight, some_rays, sorted_by_kind, tiles
 from .transfer import CloudProducts, clear_products, products, radiances
 
 
 # Radiances without cloud of the rays of these numbers.
 Background = Callable[[Int[np.ndarray, " rays"]], BandRadiances]
-# The lines of sight of the rays of these numbers.
-Sight = Callable[[Int[np.ndarray, " rays"]], Rays]
 
-_SORTED_AT_ONCE = 1 << 18
 # Tiles that are navigated at once: numpy and XLA have a price per call.
 _TILES_AT_ONCE = 8
 # Rays that meet cloud less often are clear. Masks leave clear air a chance of 1e-4
@@ -172,8 +169,10 @@ def sample_rays(
     Rays that graze the Earth are followed into a shell once.
     """
     parts, order = [], []
-    for kind, textures, members in _kinds(scene, rays, len(rays), resolution, True):
-        for index, filled in _tiles(members, tile):
+    for kind, textures, members in sorted_by_kind(
+        scene, rays, len(rays), resolution, True
+    ):
+        for index, filled in tiles(members, tile):
             view = _navigate(scene, rays[filled], sun_direction, weather, kind)
             part = _sample(scene, view, textures, np.arange(len(filled)))
             parts.append(_pick(part, np.arange(len(index))))
@@ -197,9 +196,9 @@ def _march(scene, jobs, count, tile, with_products, on_tile=None) -> Image:
         likely = (chance > LEAST_LIKELIHOOD) | (scene.shadows is not None)
         parts = [
             (batch.index[some], unseen(_pick(batch.background, filled)))
-            for some, filled in _tiles(np.flatnonzero(~likely), tile)
+            for some, filled in tiles(np.flatnonzero(~likely), tile)
         ]
-        for index, filled in _tiles(np.flatnonzero(likely), tile):
+        for index, filled in tiles(np.flatnonzero(likely), tile):
             sampled = _sample(scene, batch.view, batch.textures, filled)
             seen = look(scene, sampled, batch.background, filled)
             parts.append((batch.index[index], seen))
@@ -309,10 +308,6 @@ def _count(sight: Rays | Sight, rays: int | None) -> int:
     return rays
 
 
-def _some(sight: Rays | Sight, index) -> Rays:
-    return sight[index] if isinstance(sight, Rays) else sight(index)
-
-
 def _jobs(
     scene: Scene,
     sight: Rays | Sight,
@@ -324,12 +319,12 @@ def _jobs(
     tile: int,
 ) -> Iterator[_Job]:
     def lay(kind, textures, index, filled) -> _Batch:
-        rays = _some(sight, filled)
+        rays = some_rays(sight, filled)
         view = _navigate(scene, rays, sun_direction, weather, kind)
         return _Batch(textures, view, background(filled), index)
 
-    for kind, textures, members in _kinds(scene, sight, count, resolution):
-        for index, filled in _tiles(members, _TILES_AT_ONCE * tile):
+    for kind, textures, members in sorted_by_kind(scene, sight, count, resolution):
+        for index, filled in tiles(members, _TILES_AT_ONCE * tile):
             yield ft.partial(lay, kind, textures, index, filled)
 
 
@@ -345,61 +340,3 @@ def _navigate(scene, rays, sun_direction, weather: Weather, kind: Kind) -> View:
         knots=kind.knots,
         twice=kind.twice,
     )
-
-
-def _kinds(
-    scene: Scene,
-    sight: Rays | Sight,
-    count: int,
-    resolution: int,
-    alike: bool = False,
-) -> Iterator[tuple[Kind, tuple, Int[np.ndarray, " rays"]]]:
-    """Each kind of ray, its textures, and the numbers of its rays.
-
-    With `alike`, kinds that differ in their footprint only are told apart.
-    """
-    rows = np.concatenate(
-        [
-            kinds(_some(sight, np.arange(start, min(start + _SORTED_AT_ONCE, count))),
-                  _air(scene)).astype(np.int16)
-            for start in range(0, count, _SORTED_AT_ONCE)
-        ]
-    )  # fmt: skip
-    if alike:
-        rows[:, 5:] = 2, 0
-    # One number per row: rows themselves sort twenty times as slowly.
-    low, high = rows.min(0).astype(np.int64), rows.max(0).astype(np.int64)
-    sizes = high - low + 1
-    packed = np.ravel_multi_index(tuple((rows - low).T), tuple(sizes))
-    found, counts = np.unique(packed, return_counts=True)
-    order = np.argsort(packed, kind="stable")
-    ends = np.cumsum(counts)
-    found = np.stack(np.unravel_index(found, tuple(sizes)), axis=-1) + low
-    for row, members in zip(found, np.split(order, ends[:-1]), strict=True):
-        kind = kind_of(row)
-        textures = tuple(
-            layer.cloud.make_textures(kind.footprint, resolution)
-            for layer in scene.layers
-        )
-        yield kind, textures, members
-
-
-def _tiles(
-    numbers: Int[np.ndarray, " rays"], tile: int
-) -> Iterator[tuple[Int[np.ndarray, " some"], Int[np.ndarray, " filled"]]]:
-    """So many numbers at a time, and the same filled up with copies of the last one.
-
-    What is filled up is compiled for two sizes only, of which few rays get the small.
-    """
-    for start in range(0, len(numbers), tile):
-        some = numbers[start : start + tile]
-        size = tile if len(some) > tile // 16 else tile // 16
-        yield some, np.concatenate([some, np.full(size - len(some), some[-1])])
-
-
-def _air(scene: Scene) -> Shell:
-    """The air that holds all cloud."""
-    shells = [layer.cloud.shell for layer in scene.layers]
-    if not shells:
-        return Shell(0.0, 10e3)
-    return Shell(min(s.bottom_m for s in shells), max(s.top_m for s in shells))

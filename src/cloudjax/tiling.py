@@ -1,0 +1,80 @@
+"""The rays of an image sorted by their pixels' footprints, and cut into tiles."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from jaxtyping import Int
+
+from .footprint import Kind, kind_of, kinds
+from .rays import Rays
+from .scene import Scene
+from .shell import Shell
+
+
+# The lines of sight of the rays of these numbers.
+Sight = Callable[[Int[np.ndarray, " rays"]], Rays]
+
+_SORTED_AT_ONCE = 1 << 18
+
+
+def some_rays(sight: Rays | Sight, index: Int[np.ndarray, " some"]) -> Rays:
+    """Those of these numbers."""
+    return sight[index] if isinstance(sight, Rays) else sight(index)
+
+
+def sorted_by_kind(
+    scene: Scene,
+    sight: Rays | Sight,
+    count: int,
+    resolution: int,
+    *,
+    alike: bool = False,
+) -> Iterator[tuple[Kind, tuple, Int[np.ndarray, " rays"]]]:
+    """Each kind of ray, its textures, and the numbers of its rays.
+
+    With `alike`, kinds that differ in their footprint only are told apart.
+    """
+    starts = range(0, count, _SORTED_AT_ONCE)
+    parts = (np.arange(i, min(i + _SORTED_AT_ONCE, count)) for i in starts)
+    air = _air(scene)
+    rows = np.concatenate(
+        [kinds(some_rays(sight, part), air).astype(np.int16) for part in parts]
+    )
+    if alike:
+        rows[:, 5:] = 2, 0
+    # One number per row: rows themselves sort twenty times as slowly.
+    low, high = rows.min(0).astype(np.int64), rows.max(0).astype(np.int64)
+    sizes = high - low + 1
+    packed = np.ravel_multi_index(tuple((rows - low).T), tuple(sizes))
+    found, counts = np.unique(packed, return_counts=True)
+    order = np.argsort(packed, kind="stable")
+    ends = np.cumsum(counts)
+    found = np.stack(np.unravel_index(found, tuple(sizes)), axis=-1) + low
+    for row, members in zip(found, np.split(order, ends[:-1]), strict=True):
+        kind = kind_of(row)
+        textures = tuple(
+            layer.cloud.make_textures(kind.footprint, resolution)
+            for layer in scene.layers
+        )
+        yield kind, textures, members
+
+
+def tiles(
+    numbers: Int[np.ndarray, " rays"], tile: int
+) -> Iterator[tuple[Int[np.ndarray, " some"], Int[np.ndarray, " filled"]]]:
+    """So many numbers at a time, and the same filled up with copies of the last one.
+
+    What is filled up is compiled for two sizes only, of which few rays get the small.
+    """
+    for start in range(0, len(numbers), tile):
+        some = numbers[start : start + tile]
+        size = tile if len(some) > tile // 16 else tile // 16
+        yield some, np.concatenate([some, np.full(size - len(some), some[-1])])
+
+
+def _air(scene: Scene) -> Shell:
+    """The air that holds all cloud."""
+    shells = [layer.cloud.shell for layer in scene.layers]
+    if not shells:
+        return Shell(0.0, 10e3)
+    return Shell(min(s.bottom_m for s in shells), max(s.top_m for s in shells))
