@@ -170,7 +170,7 @@ def sample_rays(
     """
     parts, order = [], []
     for kind, textures, members in sorted_by_kind(
-        scene, rays, len(rays), resolution, True
+        scene, rays, len(rays), resolution, alike=True
     ):
         for index, filled in tiles(members, tile):
             view = _navigate(scene, rays[filled], sun_direction, weather, kind)

@@ -49,7 +49,7 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
     "--shadows",
     type=click.IntRange(0),
     default=0,
-    help="Steps towards the sun, with physical light; 6 are good.  [default: 0, none]",
+    help="Steps towards the sun, with physical light; 6 are good, 0 is none.",
 )
 @click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
