@@ -66,6 +66,16 @@ def no_solver(monkeypatch):
     return calls
 
 
+@pytest.mark.slow
+def test_compiled_functions_are_kept_where_asked(tmp_path):
+    """In a process of its own, for JAX reads the setting when it is imported."""
+    cache = tmp_path / "cache"
+    code = "from cloudjax_fit.cli import main; main()"
+    command = [sys.executable, "-c", code, "--compilation-cache", str(cache), "doctor"]
+    subprocess.run(command, check=True, capture_output=True)
+    assert list(cache.iterdir())
+
+
 def test_help_is_quick_and_leaves_jax_alone():
     code = (
         "import sys, cloudjax_fit.cli\n"
