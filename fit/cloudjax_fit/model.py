@@ -48,7 +48,6 @@ from .target import BandTarget, Target
 
 
 FRACTALS = (Perlin(8, 4), Perlin(8, 4), InvertedWorley(12))
-TEXTURE_NAMES = ("coarse", "fine", "worley")
 # Periods without a common multiple, so that the sum repeats nowhere in an image.
 LENGTH_SCALES_M = {
     "low_stratus": (410e3, 97e3, 173e3),

@@ -96,7 +96,7 @@ class Prepared:
 
     def render(self, scene: Scene, *, with_products: bool = False) -> Image:
         """March a scene that differs from the prepared one in its parameters only."""
-        jobs = (ft.partial(_same, batch) for batch in self.batches)
+        jobs = (lambda batch=batch: batch for batch in self.batches)
         return _march(scene, jobs, self.rays, self.tile, with_products)
 
 
@@ -116,7 +116,7 @@ def prepare(
     jobs = _jobs(
         scene, sight, count, sun_direction, background, weather, resolution, tile
     )
-    return Prepared(tuple(_each(jobs, lambda job: job())), count, tile)
+    return Prepared(tuple(_each(jobs, op.call)), count, tile)
 
 
 def render(
@@ -261,10 +261,6 @@ def _workers() -> int:
 
 def _default_tile() -> int:
     return 4096 if jax.default_backend() == "cpu" else 1 << 17
-
-
-def _same(batch: _Batch) -> _Batch:
-    return batch
 
 
 @eqx.filter_jit

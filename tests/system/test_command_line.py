@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner, Result
 
 from cloudjax_fit.cli import main
 from cloudjax_fit.fitting import FitSettings
 from cloudjax_fit.prepare import Run, prepare
+from tests.commands import run, sentence_of
 from tests.fit_results import made_up_result
 from tests.generated import SCAN_START
 from tests.scenes import NIGHT, write_scene, write_weather
@@ -23,21 +23,6 @@ from tests.scenes import NIGHT, write_scene, write_weather
 
 SMALL = ("--rays", "512", "--steps", "8", "--max-steps", "3")
 FILES = {"fit.json", "parameters.toml", "report.html", "simulated.nc"}
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(main, [str(argument) for argument in arguments])
-
-
-def sentence_of(result: Result) -> str:
-    """The one sentence of a run that was refused."""
-    assert result.exit_code == 2, result.output
-    lines = result.stderr.splitlines()
-    assert len(lines) == 1, result.stderr
-    assert lines[0].startswith("cloudjax: ")
-    assert lines[0].endswith(".")
-    assert "Traceback" not in result.output
-    return lines[0]
 
 
 @pytest.fixture

@@ -7,9 +7,8 @@ import numpy as np
 import pyproj
 import pytest
 import xarray as xr
-from click.testing import CliRunner, Result
 
-from cloudjax_fit.cli import main
+from tests.commands import run, sentence_of
 from tests.generated_grib import write_grib
 
 
@@ -77,20 +76,6 @@ HIGH = LOW | {
     "shell_top": 10000,
     "coldest": 0.0,
 }
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(main, [str(argument) for argument in arguments])
-
-
-def sentence_of(result: Result) -> str:
-    """The one sentence of a run that was refused."""
-    assert result.exit_code == 2, result.output
-    lines = result.stderr.splitlines()
-    assert len(lines) == 1, result.stderr
-    assert lines[0].startswith("cloudjax: ")
-    assert lines[0].endswith(".")
-    return lines[0]
 
 
 def write_analysis(file: Path, time: datetime = NOON, humid: float = 85.0) -> Path:
