@@ -42,7 +42,8 @@ def _image(run: Run, factor: float) -> SimulatedImage:
     radiance = np.stack([run.observed[n] * np.float32(factor) for n in numbers])
     radiance[:, 0, :] = np.nan
     cloud = np.isfinite(radiance[0]).astype(float)
-    return SimulatedImage(numbers, radiance, cloud, 5.0 * cloud)
+    depths = np.stack([5.0 * cloud for _ in run.target.fractions])
+    return SimulatedImage(numbers, radiance, cloud, depths)
 
 
 def _distances(run: Run, image: SimulatedImage):

@@ -63,13 +63,19 @@ class SimulatedImage:
     - `bands`: their numbers, in the order of `radiance`.
     - `radiance`: NaN off the Earth.
     - `cloud`: the softly selected share of each pixel, 0 off the Earth.
-    - `optical_depth`: vertical, physical, at 0.64 µm; 0 off the Earth.
+    - `depths`: vertical optical depths of each class of cloud, physical, at 0.64 µm;
+      0 off the Earth.
     """
 
     bands: tuple[int, ...]
     radiance: Float[np.ndarray, "bands y x"]
     cloud: Float[np.ndarray, "y x"]
-    optical_depth: Float[np.ndarray, "y x"]
+    depths: Float[np.ndarray, "classes y x"]
+
+    @property
+    def optical_depth(self) -> Float[np.ndarray, "y x"]:
+        """Of all clouds."""
+        return self.depths.sum(0)
 
     def band(self, number: int) -> Float[np.ndarray, "y x"]:
         return self.radiance[self.bands.index(number)]
@@ -215,14 +221,14 @@ def simulate_image(
     radiance[:, hit] = values
     cloud = np.zeros(hit.size, values.dtype)
     cloud[hit] = np.asarray(weights)
-    depth = np.zeros(hit.size, values.dtype)
-    depth[hit] = np.asarray(clouds.optical_depth) / light_of(scene).share
+    depths = np.zeros((len(scene.layers), hit.size), values.dtype)
+    depths[:, hit] = np.asarray(clouds.depths) / light_of(scene).share
     shape = target.grid.shape
     return SimulatedImage(
         scene.bands,
         radiance.reshape(-1, *shape),
         cloud.reshape(shape),
-        depth.reshape(shape),
+        depths.reshape(-1, *shape),
     )
 
 

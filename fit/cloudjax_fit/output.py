@@ -13,7 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from cloudjax.transfer import VISIBLE_DEPTH
+
 from .band_image import BandImage
+from .condensate import OBSERVED_WATER, Condensate
 from .fitting import FitResult, versions
 from .histogram import Distances
 from .image_file import image_dataset
@@ -87,7 +90,7 @@ def fit_numbers(result: FitResult) -> dict[str, Any]:
             "seeds": {"seed": result.settings.seed},
             "cloud_fraction": cloud_fractions(result),
             "cloud_optical_depth": optical_depths(result),
-            "cloud_water": cloud_water(result),
+            "clouds": {n: _cloud_numbers(c) for n, c in condensate(result).items()},
             "bands": {str(n): _band_numbers(result, n) for n in result.target.bands},
             "parameters": {
                 e.parameter.name: _estimate_numbers(e) for e in result.estimates
@@ -112,26 +115,51 @@ def cloud_fractions(result: FitResult) -> dict[str, float]:
 
 def optical_depths(result: FitResult) -> dict[str, float]:
     """Quartiles of the vertical optical depth at 0.64 µm of the cloudy pixels."""
-    depth = result.image.optical_depth
-    cloudy = depth[result.image.cloud > 0.5]
-    quartiles = np.quantile(cloudy, (0.25, 0.5, 0.75)) if cloudy.size else [np.nan] * 3
-    return dict(zip(("lower", "median", "upper"), map(float, quartiles), strict=True))
+    image = result.image
+    return _named(_quartiles(image.optical_depth[image.cloud > 0.5]))
 
 
-def cloud_water(result: FitResult) -> dict[str, dict[str, float]]:
-    """What the extinction of each class is in water, with its particles' size."""
-    found = {}
-    for layer in result.scene.layers:
-        particles = PARTICLES[layer.name]
-        physical = float(layer.extinction_per_m) / LIGHTS[result.settings.light].share
-        found[layer.name] = {
-            "effective_radius_um": float(particles.effective_radius_um),
-            "physical_extinction_per_m": physical,
-            "water_content_g_m3": float(
-                particles.water_content_g_m3(jnp.asarray(physical))
-            ),
-        }
-    return found
+def condensate(result: FitResult) -> dict[str, Condensate]:
+    """What each class of the fitted clouds is made of."""
+    share = LIGHTS[result.settings.light].share
+    return {
+        layer.name: _condensate(
+            layer.name, float(layer.extinction_per_m) / share, depth
+        )
+        for layer, depth in zip(result.scene.layers, result.image.depths, strict=True)
+    }
+
+
+def _condensate(name: str, extinction_per_m: float, depth) -> Condensate:
+    particles = PARTICLES[name]
+    water = particles.water_content_g_m3(jnp.asarray(extinction_per_m))
+    return Condensate(
+        effective_radius_um=float(particles.effective_radius_um),
+        physical_extinction_per_m=extinction_per_m,
+        water_content_g_m3=float(water),
+        optical_depth=_quartiles(depth[depth > VISIBLE_DEPTH]),
+        observed_water_g_m3=OBSERVED_WATER.get(name),
+    )
+
+
+def _quartiles(depth: Float[np.ndarray, " pixels"]) -> tuple[float, float, float]:
+    if not depth.size:
+        return math.nan, math.nan, math.nan
+    lower, median, upper = np.quantile(depth, (0.25, 0.5, 0.75))
+    return float(lower), float(median), float(upper)
+
+
+def _named(quartiles: tuple[float, float, float]) -> dict[str, float]:
+    return dict(zip(("lower", "median", "upper"), quartiles, strict=True))
+
+
+def _cloud_numbers(cloud: Condensate) -> dict[str, Any]:
+    return asdict(cloud) | {
+        "optical_depth": _named(cloud.optical_depth),
+        "thickness_m": cloud.thickness_m,
+        "water_path_g_m2": cloud.water_path_g_m2,
+        "believable": cloud.believable,
+    }
 
 
 def fit_report(result: FitResult, observed_images: Images | None = None) -> FitReport:
@@ -143,6 +171,7 @@ def fit_report(result: FitResult, observed_images: Images | None = None) -> FitR
         status=_status_sentence(result),
         converged=result.converged,
         bands=[_band_report(result, n, images) for n in result.target.bands],
+        clouds=condensate(result),
         parameters=[_row(estimate) for estimate in result.estimates],
         undetermined=result.undetermined,
         warnings=result.warnings,
@@ -223,11 +252,6 @@ def _facts(result: FitResult) -> dict[str, str]:
         "light": result.settings.light,
         "optical depth": "{median:.3g} ({lower:.3g} to {upper:.3g}), vertical, of "
         "cloud pixels at 0.64 µm".format(**optical_depths(result)),
-        "condensate": "; ".join(
-            f"{name} {w['water_content_g_m3']:.3g} g/m³ of "
-            f"{w['effective_radius_um']:g} µm"
-            for name, w in cloud_water(result).items()
-        ),
         "fitted with": f"{result.settings.rays} rays of {result.settings.steps} steps, "
         f"textures of {result.settings.resolution}³",
     } | ({"held": held} if held else {})

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Num
 
 from . import figures
+from .condensate import Condensate
 from .figures import Curve, Display, Stroke
 from .histogram import Distances, Pixels, Quantiles, sample_of
 from .quantity import RADIANCE, Quantity
@@ -92,6 +93,7 @@ class FitReport:
 
     - `scene`: facts in the order in which they are shown.
     - `status`: one sentence; `converged` decides how it is marked.
+    - `clouds`: what each class is made of, by name.
     - `seconds`: wall time by phase, such as `{"compile": 3.1, "solve": 9.0}`.
     - `warnings`, `undetermined`: sentences; the latter name combinations of parameters.
     - `history`: loss after each step.
@@ -102,6 +104,7 @@ class FitReport:
     status: str
     converged: bool
     bands: Sequence[BandReport]
+    clouds: Mapping[str, Condensate] = field(default_factory=dict)
     parameters: Sequence[ParameterRow] = ()
     undetermined: Sequence[str] = ()
     warnings: Sequence[str] = ()

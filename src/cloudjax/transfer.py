@@ -318,28 +318,35 @@ class CloudProducts(eqx.Module):
 
     - `fraction`: of the pixel that cloud covers: where its optical depth exceeds 0.3,
       softly.
-    - `optical_depth`: at the reference band, as if looked at from straight above.
+    - `depths`: optical depths of each layer at the reference band, as if looked at from
+      straight above.
     - `top_height_m`: mean altitude of the first surface; NaN where nothing is met.
     - `share`: of the light looking back that each layer stops.
     """
 
     fraction: Float[Array, " rays"]
-    optical_depth: Float[Array, " rays"]
+    depths: Float[Array, "layers rays"]
     top_height_m: Float[Array, " rays"]
     share: Float[Array, "layers rays"]
+
+    @property
+    def optical_depth(self) -> Float[Array, " rays"]:
+        """Of all layers."""
+        return self.depths.sum(0)
 
 
 def clear_products(layers: int, rays: int) -> CloudProducts:
     """Of rays that meet no cloud."""
-    none, no_height = jnp.zeros(rays), jnp.full(rays, jnp.nan)
-    return CloudProducts(none, none, no_height, jnp.zeros((layers, rays)))
+    none, no_height = jnp.zeros((layers, rays)), jnp.full(rays, jnp.nan)
+    return CloudProducts(jnp.zeros(rays), none, no_height, none)
 
 
 def products(scene: Scene, sampled: Sampled) -> CloudProducts:
     """Cover, optical depth, height and class of the cloud along each ray."""
     ways = _march(scene, sampled)
     rays = ways[0].path.length_m.shape
-    clear, depth = jnp.ones(rays), jnp.zeros(rays)
+    clear = jnp.ones(rays)
+    depths = [jnp.zeros(rays) for _ in scene.layers]
     share = [jnp.zeros(rays) for _ in scene.layers]
     stops = _stopped(ways)
     for i, way, stopped in zip(sampled.layer_of, ways, stops, strict=True):
@@ -347,10 +354,10 @@ def products(scene: Scene, sampled: Sampled) -> CloudProducts:
         vertical = β * way.passed.depth_m * way.view_height[None]
         squared = (vertical / VISIBLE_DEPTH) ** 2
         clear = clear * way.passed.mean(1 / (1 + squared))
-        depth = depth + way.passed.mean(vertical)
+        depths[i] = depths[i] + way.passed.mean(vertical)
         share[i] = share[i] + stopped.sum(-1)
     met = sum(share, jnp.zeros(rays)) > 1e-3
     top = jnp.where(met, _top_m(ways), jnp.nan)
     # Weights of a quadrature add up to one but for rounding.
     cover = jnp.clip(1 - clear, 0, 1)
-    return CloudProducts(cover, depth, top, jnp.stack(share))
+    return CloudProducts(cover, jnp.stack(depths), top, jnp.stack(share))

@@ -5,6 +5,8 @@ import json
 import os
 import tomllib
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -58,6 +60,35 @@ def test_the_numbers_are_what_the_contract_says(folder, result):
     assert {"value", "std", "determined"} <= set(threshold)
     assert {"scene", "versions", "history", "undetermined", "seeds"} <= set(numbers)
     assert set(numbers["cloud_fraction"]) == {"observed", "start", "simulated"}
+
+
+def test_depth_and_water_of_each_class_stand_beside_the_parameters(folder):
+    """τ = 5 everywhere; 0.04/13.3 of the paper's light is 0.04 1/m, 0.254 g/m³."""
+    numbers = json.loads((folder / "fit.json").read_text())
+    low = numbers["clouds"]["low_stratus"]
+    assert low["optical_depth"] == {"lower": 5.0, "median": 5.0, "upper": 5.0}
+    assert low["physical_extinction_per_m"] == pytest.approx(0.04)
+    assert low["water_content_g_m3"] == pytest.approx(0.04 / 0.1575, rel=1e-3)
+    assert low["thickness_m"] == pytest.approx(125.0)
+    # 2/3 τ r_e of water's density, for particles that extinguish twice their shadow.
+    assert low["water_path_g_m2"] == pytest.approx(2 / 3 * 5 * 10, rel=0.06)
+    assert low["believable"]
+    page = (folder / "report.html").read_text()
+    assert page.index("<h2>Clouds</h2>") < page.index("<h2>Parameters</h2>")
+    assert "0.254" in page
+    assert "beyond" not in page
+
+
+def test_water_that_no_one_has_measured_is_marked(result, tmp_path):
+    thin = eqx.tree_at(
+        lambda s: [layer.extinction_per_m for layer in s.layers],
+        result.scene,
+        [jnp.asarray(1e-5) for _ in result.scene.layers],
+    )
+    write_fit(dataclasses.replace(result, scene=thin), tmp_path)
+    assert "⚠ beyond" in (tmp_path / "report.html").read_text()
+    numbers = json.loads((tmp_path / "fit.json").read_text())
+    assert not numbers["clouds"]["low_stratus"]["believable"]
 
 
 def test_what_is_not_finite_is_null(folder):
