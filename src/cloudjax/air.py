@@ -12,6 +12,7 @@ the ray need no change.
 (Vermote et al. 1997, IEEE TGRS 35, 675, eq. 2), dimmed by the gases along both slants.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -27,6 +28,7 @@ from .gases import LEVELS_M, Columns
 from .geodesy import up
 from .path import device_array
 from .rays import Rays
+from .shell import Shell
 
 
 # Straight up from sea level; what is thinner is left out of a band.
@@ -134,9 +136,9 @@ class Air(eqx.Module):
         """Of the air above `LEVELS_M`, along each ray."""
         kelvin = column.temperature_k
         if kelvin is None:
-            shape = column.above.pressure.shape
-            kelvin = jnp.broadcast_to(temperature(LEVELS_M), shape)
-        planck = bands.planck(kelvin)
+            kelvin = temperature(LEVELS_M)[None]
+        shape = (len(bands.numbers), *column.above.pressure.shape)
+        planck = jnp.broadcast_to(bands.planck(kelvin), shape)
         through, own = jnp.ones_like(planck), jnp.zeros_like(planck)
         rows = _rows(bands.numbers, self.absorbed)
         if rows.size:
@@ -190,14 +192,23 @@ class Emission(eqx.Module):
     own: Float[Array, "bands rays levels"]
 
     def black_bodies(
-        self, altitude_m: Float[Array, "rays steps"]
+        self, altitude_m: Float[Array, "rays steps"], shell: Shell
     ) -> Float[Array, "bands rays steps"]:
-        """J: at the air's temperature, seen from space.
+        """J: at the air's temperature, seen from space, at altitudes within a shell.
 
         Its logarithm is linear between levels, as Planck's nearly is.
         """
-        black = jnp.maximum(self.through * self.planck + self.own, 1e-30)
-        return jnp.exp(_Place.at(altitude_m).read(jnp.log(black)))
+        first = max(int(np.searchsorted(LEVELS_M, shell.bottom_m, "right")) - 1, 0)
+        last = int(np.searchsorted(LEVELS_M[:-1], shell.top_m))
+        near = slice(first, last + 1)
+        black = self.through[..., near] * self.planck[..., near] + self.own[..., near]
+        black = jnp.log(jnp.maximum(black, 1e-30))[..., None]
+        found = black[..., 0, :]
+        # Few levels are near: sums over all of them are faster than a search.
+        for i, (low, high) in enumerate(itertools.pairwise(LEVELS_M[near])):
+            share = jnp.clip((altitude_m - low) / (high - low), 0, 1)[None]
+            found = found + (black[..., i + 1, :] - black[..., i, :]) * share
+        return jnp.exp(found)
 
     def above(self, altitude_m: Float[Array, " rays"]) -> Float[Array, "bands rays"]:
         """Radiance of the air above."""
@@ -276,14 +287,17 @@ def _emission(planck, depth):
     through = jnp.exp(-depth)
     layer = jnp.maximum(depth[..., :-1] - depth[..., 1:], 0)
     thin = layer < 0.05
-    safe = jnp.where(thin, 1.0, layer)
     series = layer / 2 - layer**2 / 3 + layer**3 / 8
-    share = jnp.where(thin, series, -jnp.expm1(-safe) / safe - jnp.exp(-safe))
+    stopped = -jnp.expm1(-layer)
+    exact = stopped / jnp.where(thin, 1.0, layer) - (1 - stopped)
+    share = jnp.where(thin, series, exact)
     top, base = planck[..., 1:], planck[..., :-1]
-    sent = through[..., 1:] * (-top * jnp.expm1(-layer) + (base - top) * share)
+    sent = through[..., 1:] * (top * stopped + (base - top) * share)
     highest = planck[..., -1:] * -jnp.expm1(-depth[..., -1:])
     own = jnp.concatenate([sent, highest], axis=-1)
-    return through, jax.lax.cumsum(own, axis=own.ndim - 1, reverse=True)
+    # As in `march`, a product with ones is faster than a running sum.
+    above = jnp.tril(jnp.ones((own.shape[-1], own.shape[-1]), own.dtype))
+    return through, jnp.matmul(own, above, precision="highest")
 
 
 def _rows(numbers: Sequence[int], counted: Sequence[int]) -> Int[np.ndarray, " rows"]:

@@ -219,7 +219,10 @@ def _black_bodies(scene: Scene, ways: Sequence[_Seen], column: Column | None):
     bands = cast(EmissiveBands, scene.emissive)
     if scene.air is not None and column is not None:
         emission = scene.air.emission(bands, column, scene.temperature)
-        black = [emission.black_bodies(way.samples.altitude_m) for way in ways]
+        black = [
+            emission.black_bodies(way.samples.altitude_m, way.layer.cloud.shell)
+            for way in ways
+        ]
         return black, None if scene.emission is None else emission.above(_top_m(ways))
     black = [
         bands.planck(

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import StandardAtmosphere, navigate, radiances, sample
-from cloudjax.air import Air, Column
+from cloudjax import Shell, StandardAtmosphere, navigate, radiances, sample
+from cloudjax.air import Air, Column, Emission
 from cloudjax.gases import LEVELS_M, Columns
 from tests.helpers import (
     emissive_bands,
@@ -27,6 +27,7 @@ from tests.helpers import (
 
 
 RAYS = 8
+EVERYWHERE = Shell(-500.0, 100e3)
 
 
 def scene_of(air, offset_k=0.0, extinction=0.002, reflective=(1, 3), emissive=(8, 13)):
@@ -149,7 +150,7 @@ def test_values_and_gradients_are_finite_on_the_hard_set():
         veil = air.veil(sunlit, column, altitude_m)
         cloud = jnp.full_like(veil.path, 0.6)
         emission = air.emission(thermal, column, StandardAtmosphere(offset_k))
-        black = emission.black_bodies(altitude_m[:, None])[..., 0]
+        black = emission.black_bodies(altitude_m[:, None], EVERYWHERE)[..., 0]
         ground = emission.over(black, altitude_m) + emission.above(altitude_m)
         return (veil.path + veil.over(cloud, column.sun)).sum() + ground.sum()
 
@@ -160,6 +161,21 @@ def test_values_and_gradients_are_finite_on_the_hard_set():
             value, slopes = run(column, numbers(altitude_m), jnp.asarray(-30.0))
             assert np.isfinite(value)
             assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes))
+
+
+@pytest.mark.parametrize(
+    "shell", [Shell(500.0, 4000.0), Shell(4100.0, 4300.0), Shell(0.0, 60e3), EVERYWHERE]
+)
+def test_black_bodies_in_a_shell_are_read_between_the_levels_around_it(shell):
+    """Their logarithm is linear there; beyond the table the last level holds."""
+    levels = np.linspace(5.0, -3.0, len(LEVELS_M))
+    nothing, black = jnp.zeros((1, 1, len(LEVELS_M))), jnp.exp(numbers(*levels))
+    emission = Emission(black[None, None], nothing + 1, nothing)
+    altitude_m = np.linspace(shell.bottom_m, shell.top_m, 41)
+    found = emission.black_bodies(numbers(*altitude_m)[None], shell)[0, 0]
+    np.testing.assert_allclose(
+        np.log(found), np.interp(altitude_m, LEVELS_M, levels), atol=2e-5
+    )
 
 
 def test_rays_that_miss_the_earth_have_air_too():
