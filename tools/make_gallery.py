@@ -1,7 +1,7 @@
 """Render the pictures of docs/gallery.md: make_gallery.py GFS.grib2 FOLDER [NAME...].
 
-Names: shear, sides, closeup, disc; by default all. The weather is of 12 UTC, so places
-are near Greenwich, where it is day.
+Names: shear, sides, shadows, closeup, disc; by default all. The weather is of 12 UTC,
+so places are where it is day then.
 """
 
 import dataclasses
@@ -34,6 +34,8 @@ GEO_M = 35_786e3
 LOW = -51.0, 4.0
 BANK = -20.0, 22.5
 EDGE = -19.6, 22.9
+# Cumulus off Chile, early in the morning.
+MORNING = -50.5, -75.0
 
 
 def disc(world: World) -> list[tuple[str, SensorImage]]:
@@ -91,6 +93,15 @@ def sides(world: World) -> list[tuple[str, SensorImage]]:
     ]
 
 
+def shadows(world: World) -> list[tuple[str, SensorImage]]:
+    """A field of cumulus under a low sun, pixels apart and with shadows."""
+    view = looking_down(*MORNING, width_m=80e3, altitude_m=700e3, pixels=200)
+    return [
+        (name, look(dataclasses.replace(world, steps=48, shadows=n), view, (VISIBLE,)))
+        for name, n in (("pixels apart", 0), ("shadows of 6 steps", 6))
+    ]
+
+
 def closeup(world: World) -> list[tuple[str, SensorImage]]:
     """What is within a few pixels of 10 km."""
     wide = looking_down(*BANK, width_m=400e3, altitude_m=GEO_M, pixels=40)
@@ -101,7 +112,13 @@ def closeup(world: World) -> list[tuple[str, SensorImage]]:
     ]
 
 
-FIGURES = {"shear": shear, "sides": sides, "closeup": closeup, "disc": disc}
+FIGURES = {
+    "shear": shear,
+    "sides": sides,
+    "shadows": shadows,
+    "closeup": closeup,
+    "disc": disc,
+}
 
 
 def looking_down(

@@ -15,6 +15,7 @@ from cloudjax_data import (
 )
 
 from .daylight import is_day, sun_heights_deg
+from .model import LIGHTS
 from .prepare import Run, prepare
 from .settings import scene_of
 
@@ -72,8 +73,15 @@ def run_rows(
         "cloud pixels",
         f"{target.rule} ({target.cloud_fraction:.1%} of the good ones)",
     )
-    yield "sunlight", _use([b.number for b in target.sunlit], "reflective band")
-    yield "emission", _use([b.number for b in target.emissive], "thermal band")
+    sunlit, emissive = (
+        [b.number for b in bands] for bands in (target.sunlit, target.emissive)
+    )
+    chosen = run.settings.fit.light
+    yield "sunlight", _use(sunlit, "reflective band", f", {chosen} light")
+    yield "emission", _use(emissive, "thermal band")
+    if emissive:
+        yield "thermal scattering", _thermal_scattering(chosen)
+    yield "shadows", "left out: renders have them, fits none"
     yield from _layer_rows(run)
     yield "advection", _advection(run)
     yield "surface", "radiances of the clear pixels around, as seen from space"
@@ -167,8 +175,14 @@ def _weather_rows(folder: SceneFolder, band: AbiBand | None) -> Iterator[Row]:
         yield "weather", f"{text}, {hours:+.1f} hours from the imagery: {verdict}"
 
 
-def _use(numbers: Sequence[int], kind: str) -> str:
-    return f"for bands {_listed(numbers)}" if numbers else f"left out: no {kind}"
+def _thermal_scattering(light: str) -> str:
+    if LIGHTS[light].emission() is None:
+        return f"left out: clouds only absorb in {light} light"
+    return f"by slabs of the particles, in {light} light"
+
+
+def _use(numbers: Sequence[int], kind: str, how: str = "") -> str:
+    return f"for bands {_listed(numbers)}{how}" if numbers else f"left out: no {kind}"
 
 
 def _listed(numbers) -> str:

@@ -4,8 +4,8 @@ Only what the target shows is built: no cirrus without a window band, no air and
 sunlight in bands that are not asked.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +14,7 @@ from cloudjax import (
     ICE,
     WATER,
     AbstractReflection,
+    Air,
     BandRadiances,
     CloudFunction,
     EmissiveBands,
@@ -30,18 +31,17 @@ from cloudjax import (
     Rays,
     ReflectiveBands,
     Scene,
-    Shell,
     Slabs,
     StandardAtmosphere,
     TwoFlux,
     Weather,
     rayleigh,
 )
-from cloudjax.air import Air
 from cloudjax.geodesy import up
 from cloudjax_data import sun_direction
 
 from .analysis import Analysis
+from .first_guess import PUBLISHED, START, Start
 from .parameters import Parameter
 from .surface import Surface
 from .target import BandTarget, Target
@@ -52,16 +52,6 @@ FRACTALS = (Perlin(8, 4), Perlin(8, 4), InvertedWorley(12))
 LENGTH_SCALES_M = {
     "low_stratus": (410e3, 97e3, 173e3),
     "cirrus": (620e3, 139e3, 251e3),
-}
-# The air that each class is looked for in. A scene's own imagery tells low cloud from
-# high cloud and no more, so the high class takes all the air between the low shell and
-# the standard tropopause: with the 6.5 to 10 km of the paper's cirrus, the fitted scene
-# had neither its mid-level cloud nor its coldest tops (docs/decisions.md).
-SHELLS = {"low_stratus": Shell(500.0, 4000.0), "cirrus": Shell(4000.0, 11000.0)}
-# Where each class starts: base, top and scale of the barriers, physical extinction.
-START = {
-    "low_stratus": (600.0, 1800.0, 250.0, 0.04),
-    "cirrus": (5000.0, 9000.0, 500.0, 0.0053),
 }
 PARTICLES = {"low_stratus": WATER, "cirrus": ICE}
 REFERENCE_BAND = 13
@@ -81,12 +71,14 @@ class Light:
     - `emission`: makes the strategy for thermal radiation.
     - `air`: whether the air above the clouds is computed; else a path and a gain of
       each band, which are fitted, stand for it.
+    - `start`: of each class.
     """
 
     reflection: Callable[[], AbstractReflection]
     share: float
     emission: Callable[[], EmittingSlabs | None] = lambda: None
     air: bool = False
+    start: Mapping[str, Start] = field(default_factory=lambda: START)
 
 
 LIGHTS = {
@@ -98,6 +90,7 @@ LIGHTS = {
         1.0,
         lambda: EmittingSlabs(PlaneParallel.load()),
         air=True,
+        start=PUBLISHED,
     ),
 }
 
@@ -129,7 +122,7 @@ def build_scene(
     )
     strategy = LIGHTS[light]
     layers = tuple(
-        _layer(name, target, seed + 100 * i, steps, strategy.share)
+        _layer(name, target, seed + 100 * i, steps, strategy)
         for i, name in enumerate(target.fractions)
     )
     return Scene(
@@ -143,31 +136,31 @@ def build_scene(
     )
 
 
-def _layer(name: str, target: Target, seed: int, steps: int, share: float) -> Layer:
-    base, top, scale, extinction = START[name]
+def _layer(name: str, target: Target, seed: int, steps: int, light: Light) -> Layer:
+    start, share = light.start[name], light.share
     particles: Particles = PARTICLES[name]
     sunlit = [b.number for b in target.sunlit]
     thermal = [b.number for b in target.emissive]
     function = CloudFunction(
         weights=jnp.asarray([1.0, 0.5, 0.5]),
         mask_gain=jnp.asarray(1.0),
-        threshold=jnp.asarray(0.0),
+        threshold=jnp.asarray(start.threshold),
         barrier_strength=jnp.asarray(1.0),
-        base_m=jnp.asarray(base),
-        top_m=jnp.asarray(top),
-        barrier_scale_m=jnp.asarray(scale),
+        base_m=jnp.asarray(start.base_m),
+        top_m=jnp.asarray(start.top_m),
+        barrier_scale_m=jnp.asarray(start.barrier_scale_m),
         smoothing=jnp.asarray(0.02),
     )
     return Layer(
         cloud=FractalCloud(
             function=function,
             latent=Latent.gauss_hermite(),
-            shell=SHELLS[name],
+            shell=start.shell,
             fractals=FRACTALS,
             length_scales_m=LENGTH_SCALES_M[name],
             seed=seed,
         ),
-        extinction_per_m=jnp.asarray(share * extinction),
+        extinction_per_m=jnp.asarray(share * start.extinction_per_m),
         infrared_ratio=jnp.asarray(particles.infrared_ratio / share),
         co_albedo=particles.co_albedo_in(sunlit),
         asymmetry=particles.asymmetry_in(sunlit),
@@ -231,7 +224,8 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
     """
     parameters = []
     for i, layer in enumerate(scene.layers):
-        parameters += _layer_parameters(i, layer, target)
+        start = light_of(scene).start[layer.name]
+        parameters += _layer_parameters(i, layer, start, target)
     if scene.reflective is not None:
         if isinstance(scene.reflection, TwoFlux):
             parameters.append(
@@ -260,11 +254,11 @@ def scene_parameters(scene: Scene, target: Target) -> list[Parameter]:
     return parameters
 
 
-def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
-    _, top, scale, _ = START[layer.name]
+def _layer_parameters(
+    i: int, layer: Layer, start: Start, target: Target
+) -> list[Parameter]:
     extinction = float(layer.extinction_per_m)
-    shell = SHELLS[layer.name]
-    low, high = shell.bottom_m + 300, shell.top_m + 500
+    low, high = start.top_bounds_m
 
     def of_function(name: str):
         return lambda scene: getattr(scene.layers[i].cloud.function, name)
@@ -276,17 +270,18 @@ def _layer_parameters(i: int, layer: Layer, target: Target) -> list[Parameter]:
         ("weight_fine", of_function("weights"), 0.5, 0.0, 3.0, 0.4, "", 1),
         ("weight_worley", of_function("weights"), 0.5, 0.0, 3.0, 0.4, "", 2),
         ("mask_gain", of_function("mask_gain"), 1.0, 0.0, 4.0, 0.4),
-        ("threshold", of_function("threshold"), 0.0, -4.0, 4.0, 0.7),
-        ("top", of_function("top_m"), top, low, high, 1000.0, "m"),
-        ("barrier_scale", of_function("barrier_scale_m"), scale, 30.0, 2500.0, 0.7, "m",
-         None, True),
-        ("extinction", of_layer("extinction_per_m"), extinction, 1e-6, 1.0, 1.0, "1/m",
-         None, True),
+        ("threshold", of_function("threshold"), start.threshold, -4.0, 4.0, 0.7),
+        ("top", of_function("top_m"), start.top_m, low, high, start.top_spread_m, "m"),
+        ("barrier_scale", of_function("barrier_scale_m"), start.barrier_scale_m,
+         30.0, 2500.0, start.scale_spread, "m", None, True),
+        ("extinction", of_layer("extinction_per_m"), extinction, 1e-6, 1.0,
+         start.extinction_spread, "1/m", None, True),
     ]  # fmt: skip
     if target.emissive:
         ratio = float(layer.infrared_ratio)
         where = of_layer("infrared_ratio")
-        rows.append(("infrared_ratio", where, ratio, 0.3, 60.0, 0.7, "", None, True))
+        rows.append(("infrared_ratio", where, ratio, start.infrared_least, 60.0,
+                     start.infrared_spread, "", None, True))  # fmt: skip
     return [Parameter(f"{layer.name}.{name}", *rest) for name, *rest in rows]
 
 

@@ -17,6 +17,7 @@ from .advection import (
 from .advection import (
     propagate as propagate,
 )
+from .air import Air as Air
 from .atmosphere import (
     AbstractTemperature as AbstractTemperature,
 )

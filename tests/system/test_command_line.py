@@ -98,7 +98,9 @@ def test_info_by_day(scene):
     assert lines["missing"].startswith("bands 2, 4")
     assert "-2.0 hours from the imagery: near enough" in lines["weather"]
     assert lines["ignored"] == "notes.txt"
-    assert lines["sunlight"] == "for bands 1, 3"
+    assert lines["sunlight"] == "for bands 1, 3, paper light"
+    assert lines["thermal scattering"].startswith("left out")
+    assert lines["shadows"].startswith("left out")
     assert lines["advection"].endswith("gfs.grib2")
     assert lines["air"].startswith("left out")
 
@@ -111,6 +113,7 @@ def test_info_tells_the_air_of_each_band(scene):
     assert lines["air"].endswith("the mean profile of gfs.grib2")
     assert "Rayleigh of optical depth 0.184, gases left out" in lines["air of C01"]
     assert "gases of optical depth 0.15" in lines["air of C13"]
+    assert lines["thermal scattering"].startswith("by slabs")
     result = run("info", scene, "--light", "dim")
     assert "physical" in result.output
 
@@ -120,6 +123,7 @@ def test_info_by_night(tmp_path):
     lines = dict(_label_and_text(line) for line in result.output.splitlines())
     assert lines["sun"].startswith("night")
     assert lines["bands"] == "13"
+    assert lines["emission"] == "for bands 13"
     assert lines["sunlight"].startswith("left out")
     assert lines["advection"].startswith("left out")
 
