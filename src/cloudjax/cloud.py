@@ -1,5 +1,6 @@
 """Fractal clouds: the soft level set of the cloud function in its shell."""
 
+import math
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -16,6 +17,8 @@ from .path import (
     along_chord,
     device_array,
     drift_m,
+    hats,
+    middles,
     navigate,
     points_along,
     strain,
@@ -136,6 +139,7 @@ class FractalCloud(AbstractCloudSource):
         displacements=None,
         *,
         knots: int = 2,
+        footprint: Footprint = POINT,
     ) -> FractalPath:
         """Ways of rays along chords of the shell, on the host in float64."""
         points = points_along(rays, chord, knots)
@@ -148,6 +152,7 @@ class FractalCloud(AbstractCloudSource):
             texture_entry=device_array(entry % 1.0),
             texture_change=device_array(change[:, None] / periods[..., None]),
             strain=None,
+            reads=_reads(self.shell, footprint) if knots == 2 else None,
         )
         maps = displacements
         if not isinstance(maps, Sequence):
@@ -176,13 +181,15 @@ class FractalCloud(AbstractCloudSource):
         with_gradient: bool,
     ) -> FractalSamples:
         distance = way.path.distance_m(steps)
-        points = _slope_points(steps)
+        reads = way.reads if way.reads is not None and way.reads < steps else None
+        points = _slope_points(steps, reads)
         values, gradients, unresolved = [], [], []
         for i, texture in enumerate(textures):
-            values.append(texture.sample(way.position(i, steps)))
+            values.append(_values(texture, way, i, steps, reads))
             lost = texture.unresolved
             if with_gradient:
-                _, gradient = texture.sample_with_gradient(way.position(i, points))
+                position = way.position(i, middles(points))
+                _, gradient = texture.sample_with_gradient(position)
                 gradient = gradient / self.length_scales_m[i]
                 if way.strain is not None:
                     gradient = jnp.einsum("rka,krs->ars", way.strain[:, i], gradient)
@@ -196,7 +203,7 @@ class FractalCloud(AbstractCloudSource):
         return FractalSamples(
             distance_m=distance,
             altitude_m=way.path.altitude_m(distance),
-            mask=along_chord(way.mask.T[..., None], steps),
+            mask=along_chord(way.mask.T[..., None], middles(steps)),
             texture_values=tuple(values),
             unresolved=tuple(unresolved),
             up=way.path.up(way.path.distance_m(points)) if with_gradient else None,
@@ -260,8 +267,27 @@ def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays st
     return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
 
 
-def _slope_points(steps: int) -> int:
-    return min(steps, max(3, -(-steps // _STEPS_PER_SLOPE)))
+def _values(texture: Texture, way: FractalPath, i: int, steps: int, reads: int | None):
+    """Of a texture at each step, read no more often than it can change."""
+    if reads is None:
+        return texture.sample(way.position(i, middles(steps)))
+    read = texture.sample(way.position(i, np.linspace(0, 1, reads)))
+    # A product of matrices: into a sum XLA would fuse the reads, anew for each step.
+    between = jnp.asarray(hats(reads, middles(steps)), read.dtype)
+    return jnp.matmul(read, between, precision="highest")
+
+
+def _slope_points(steps: int, reads: int | None) -> int:
+    points = min(steps, max(3, -(-steps // _STEPS_PER_SLOPE)))
+    return points if reads is None else min(points, max(1, reads // 2))
+
+
+def _reads(shell: Shell, footprint: Footprint) -> int | None:
+    """How often a texture is worth reading on a short way through a shell."""
+    if footprint.spacing_m == 0:
+        return None
+    depth = shell.top_m - shell.bottom_m
+    return 1 + math.ceil(depth / footprint.spacing_m)
 
 
 def _mask_at(mask, position_m) -> Float[np.ndarray, " rays"]:
@@ -302,4 +328,5 @@ def _drifted(
         texture_entry=(way.texture_entry + start) % 1.0,
         texture_change=way.texture_change + jnp.moveaxis(further, 2, 3),
         strain=jnp.stack([strains[i] for i in map_of], axis=1),
+        reads=way.reads,
     )

@@ -15,16 +15,19 @@ from .rays import Rays
 from .shell import Shell, chords, second_chords
 
 
-# Widths of one kind agree within a factor of √2, lengths over widths within 1.6,
-# directions within some 14 degrees where that is above 1.27.
+# Widths of one kind agree within a factor of √2, lengths over widths within 2,
+# directions within 45 degrees, half of them 20, where that is above √2. Four times as
+# many kinds gain nothing (docs/decisions.md).
 _WIDTHS_PER_OCTAVE = 2.0
-_STRETCHES_PER_OCTAVE = 1.5
-_DIRECTION_CELL = 0.5
+_STRETCHES_PER_OCTAVE = 1.0
+_DIRECTION_CELL = 1.0
 # At the limb a footprint has no end. 6 times its width is 10 degrees above it.
 _LONGEST = 6.0
 # An average over the whole of the box takes too much of the vertical structure that the
 # ray resolves: measured against many hard rays per pixel (docs/decisions.md).
 _SHARPNESS = 0.8
+# Of an averaged texture: the Gaussian is down to 1/60 at two voxels per wave.
+_VOXELS_PER_WIDTH = 4.0
 # Way over the ground within which winds and masks are as good as linear, and the knots
 # of longer ways.
 _KNOT_SPACING_M = 60e3
@@ -60,6 +63,11 @@ class Footprint:
         return _SHARPNESS**2 * box
 
     @property
+    def spacing_m(self) -> float:
+        """Of voxels that hold the average, between which it is as good as linear."""
+        return self.width_m / _VOXELS_PER_WIDTH
+
+    @property
     def slant(self) -> float:
         """Cosine of the ray to the vertical."""
         return self.width_m / self.length_m if self.length_m else 1.0
@@ -83,7 +91,8 @@ class Kind:
     **Fields:**
 
     - `footprint`: of their pixels.
-    - `knots`: points of a chord between which winds and masks are taken for linear.
+    - `knots`: points of a chord between which winds and masks are taken for linear; 0
+      of rays that miss all air.
     - `twice`: whether they cross the shell a second time.
     """
 
@@ -114,7 +123,7 @@ def kinds(
             np.round(_WIDTHS_PER_OCTAVE * np.log2(width)),
             rung,
             *np.where(rung > 0, _direction_cell(along).T, 0),
-            np.where(far > _KNOT_SPACING_M, _MANY_KNOTS, 2),
+            np.where(far > _KNOT_SPACING_M, _MANY_KNOTS, 2) * (chord.length_m > 0),
             again.length_m > 0,
         ],
         axis=-1,

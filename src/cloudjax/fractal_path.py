@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .path import Path, along_chord, on_chord
@@ -20,6 +21,8 @@ class FractalPath(eqx.Module):
     - `texture_entry`: upwind position of the entry in periods, reduced to [0, 1).
     - `texture_change`: from the entry to each further knot, in periods.
     - `strain`: ∂x'/∂x of each texture's displacement, None without wind.
+    - `reads`: points of the chord, its ends among them, between which averaged textures
+      are as good as linear; None where they are not.
     """
 
     path: Path
@@ -27,13 +30,16 @@ class FractalPath(eqx.Module):
     texture_entry: Float[Array, "rays textures 3"]
     texture_change: Float[Array, "rays textures 3 knots-1"]
     strain: Float[Array, "rays textures 3 3"] | None
+    reads: int | None = eqx.field(static=True, default=None)
 
-    def position(self, texture: int, points: int) -> Float[Array, "3 rays {points}"]:
-        """In a texture, in periods, in the middle of equal parts of the chord."""
+    def position(
+        self, texture: int, at: Float[np.ndarray, " points"]
+    ) -> Float[Array, "3 rays points"]:
+        """In a texture, in periods, at parts of the chord from 0 to 1."""
         change = jnp.moveaxis(self.texture_change[:, texture], (2, 1), (0, 1))
         ways = [jnp.zeros((3, 1, 1)), *change[..., None]]
         entry = self.texture_entry[:, texture].T
-        return entry[..., None] + along_chord(ways, points)
+        return entry[..., None] + along_chord(ways, at)
 
     def branch(
         self,

@@ -7,7 +7,7 @@ import numpy as np
 from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Float
 
-from .footprint import Footprint
+from .footprint import POINT, Footprint
 from .geodesy import east_north_up, ecef
 from .path import Path, device_array, navigate
 from .rays import Rays
@@ -75,6 +75,7 @@ class GriddedCloud(AbstractCloudSource):
         displacements=None,
         *,
         knots: int = 2,
+        footprint: Footprint = POINT,
     ) -> GriddedPath:
         if mask is not None or displacements is not None:
             raise ValueError("Gridded cloud is where its grid says: no masks, no wind.")

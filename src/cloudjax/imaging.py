@@ -8,13 +8,13 @@ the cache, which is too little work for several cores to share: each core has it
 import functools as ft
 import operator as op
 import os
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +23,7 @@ from jaxtyping import Array, Float, Int
 from .footprint import Kind
 from .rays import Rays
 from .scene import BandRadiances, Sampled, Scene, View, join, navigate, sample
-from .tiling import Sight, some_rays, sorted_by_kind, tiles
+from .tiling import Sight, batches, some_rays, sorted_by_kind, tiles
 from .transfer import CloudProducts, clear_products, products, radiances
 
 
@@ -70,11 +70,15 @@ class Image:
 class _Batch:
     """Rays of one kind, laid through the layers.
 
-    **Fields:** `index`: their numbers, those of the first rays of `view`.
+    **Fields:**
+
+    - `textures`, `view`: of the rays; None where they miss all air.
+    - `background`: behind them.
+    - `index`: their numbers, those of the first rays of `view`.
     """
 
-    textures: tuple
-    view: View
+    textures: tuple | None
+    view: View | None
     background: BandRadiances
     index: Int[np.ndarray, " rays"]
 
@@ -169,12 +173,11 @@ def sample_rays(
     Rays that graze the Earth are followed into a shell once.
     """
     parts, order = [], []
-    for kind, textures, members in sorted_by_kind(
-        scene, rays, len(rays), resolution, alike=True
-    ):
+    for kind, members in sorted_by_kind(scene, rays, len(rays), alike=True):
+        textures = _make_textures(scene, kind, resolution)
         for index, filled in tiles(members, tile):
             view = _navigate(scene, rays[filled], sun_direction, weather, kind)
-            part = _sample(scene, view, textures, np.arange(len(filled)))
+            part = _sample(scene, view, textures)
             parts.append(_pick(part, np.arange(len(index))))
             order.append(index)
     return _pick(join(parts), np.argsort(np.concatenate(order)))
@@ -191,6 +194,8 @@ def _march(scene, jobs, count, tile, with_products, on_tile=None) -> Image:
 
     def march(job: _Job) -> list:
         batch = job()
+        if batch.view is None or batch.textures is None:
+            return [(batch.index, unseen(batch.background))]
         chance = np.asarray(_likelihood(scene, batch.view))[: len(batch.index)]
         # Where no cloud is, the shadow of another may be.
         likely = (chance > LEAST_LIKELIHOOD) | (scene.shadows is not None)
@@ -199,8 +204,8 @@ def _march(scene, jobs, count, tile, with_products, on_tile=None) -> Image:
             for some, filled in tiles(np.flatnonzero(~likely), tile)
         ]
         for index, filled in tiles(np.flatnonzero(likely), tile):
-            sampled = _sample(scene, batch.view, batch.textures, filled)
-            seen = look(scene, sampled, batch.background, filled)
+            sampled = _sample(scene, _pick(batch.view, filled), batch.textures)
+            seen = look(scene, sampled, _pick(batch.background, filled))
             parts.append((batch.index[index], seen))
         return parts
 
@@ -263,25 +268,23 @@ def _default_tile() -> int:
     return 4096 if jax.default_backend() == "cpu" else 1 << 17
 
 
-@eqx.filter_jit
-def _look(scene: Scene, sampled: Sampled, background: BandRadiances, index):
-    return radiances(scene, sampled, background[index]), None
+# Compiled by jax and not by equinox, whose calls cost a millisecond with so many parts:
+# all leaves are arrays.
+@jax.jit
+def _look(scene: Scene, sampled: Sampled, background: BandRadiances):
+    return radiances(scene, sampled, background), None
 
 
-@eqx.filter_jit
-def _look_with_products(
-    scene: Scene, sampled: Sampled, background: BandRadiances, index
-):
+@jax.jit
+def _look_with_products(scene: Scene, sampled: Sampled, background: BandRadiances):
     # In one piece, so that the march is done once for both.
-    return radiances(scene, sampled, background[index]), products(scene, sampled)
+    return radiances(scene, sampled, background), products(scene, sampled)
 
 
-@eqx.filter_jit
-def _sample(scene: Scene, view: View, textures: tuple, index) -> Sampled:
-    return sample(scene, view[index], textures)
+_sample = jax.jit(sample)
 
 
-@eqx.filter_jit
+@jax.jit
 def _likelihood(scene: Scene, view: View) -> Float[Array, " rays"]:
     """Of the layer that a ray is most likely to meet."""
     chances = [
@@ -291,7 +294,7 @@ def _likelihood(scene: Scene, view: View) -> Float[Array, " rays"]:
     return ft.reduce(jnp.maximum, chances)
 
 
-_pick = eqx.filter_jit(op.getitem)
+_pick = jax.jit(op.getitem)
 
 
 def _count(sight: Rays | Sight, rays: int | None) -> int:
@@ -314,14 +317,39 @@ def _jobs(
     resolution: int,
     tile: int,
 ) -> Iterator[_Job]:
-    def lay(kind, textures, index, filled) -> _Batch:
+    def lay(kind: Kind, textures: Callable, index, filled) -> _Batch:
         rays = some_rays(sight, filled)
         view = _navigate(scene, rays, sun_direction, weather, kind)
-        return _Batch(textures, view, background(filled), index)
+        return _Batch(textures(), view, background(filled), index)
 
-    for kind, textures, members in sorted_by_kind(scene, sight, count, resolution):
-        for index, filled in tiles(members, _TILES_AT_ONCE * tile):
-            yield ft.partial(lay, kind, textures, index, filled)
+    def leave(index, filled) -> _Batch:
+        return _Batch(None, None, background(filled), index)
+
+    for kind, members in sorted_by_kind(scene, sight, count):
+        textures = _once(_make_textures, scene, kind, resolution)
+        work = ft.partial(lay, kind, textures) if kind.knots else leave
+        for index, filled in batches(members, tile, _TILES_AT_ONCE):
+            yield ft.partial(work, index, filled)
+
+
+def _make_textures(scene: Scene, kind: Kind, resolution: int) -> tuple:
+    """Those of each layer, averaged over a kind of pixel."""
+    return tuple(
+        layer.cloud.make_textures(kind.footprint, resolution) for layer in scene.layers
+    )
+
+
+def _once(work: Callable, *arguments) -> Callable:
+    """Work for whichever thread needs its result first."""
+    lock, results = threading.Lock(), []
+
+    def result():
+        with lock:
+            if not results:
+                results.append(work(*arguments))
+        return results[0]
+
+    return result
 
 
 def _navigate(scene, rays, sun_direction, weather: Weather, kind: Kind) -> View:
@@ -335,4 +363,5 @@ def _navigate(scene, rays, sun_direction, weather: Weather, kind: Kind) -> View:
         weather.profile,
         knots=kind.knots,
         twice=kind.twice,
+        footprint=kind.footprint,
     )

@@ -124,20 +124,30 @@ def points_along(
     ]
 
 
+def middles(parts: int) -> Float[np.ndarray, "{parts}"]:
+    """Of equal parts of a chord, which runs from 0 to 1."""
+    return (np.arange(parts) + 0.5) / parts
+
+
 def along_chord(
-    knots: Sequence[Float[Array, "..."]] | Float[Array, "knots ..."], steps: int
-) -> Float[Array, "... {steps}"]:
-    """From values at the knots, [... 1] each, to the middle of equal steps.
+    knots: Sequence[Float[Array, "..."]] | Float[Array, "knots ..."],
+    at: Float[np.ndarray, " points"],
+) -> Float[Array, "... points"]:
+    """From values at the knots, [... 1] each, to parts of the chord from 0 to 1.
 
     Linear in between; an explicit sum of few terms.
     """
-    at = (np.arange(steps) + 0.5) / steps * (len(knots) - 1)
     last_axis = (1,) * (jnp.ndim(knots[0]) - 1) + (-1,)
-    total = knots[0] * np.maximum(1 - at, 0).reshape(last_axis)
-    for i in range(1, len(knots)):
-        hat = np.maximum(1 - np.abs(at - i), 0).reshape(last_axis)
-        total = total + knots[i] * hat
+    first, *rest = hats(len(knots), at)
+    total = knots[0] * first.reshape(last_axis)
+    for i, hat in enumerate(rest, start=1):
+        total = total + knots[i] * hat.reshape(last_axis)
     return total
+
+
+def hats(knots: int, at: Float[np.ndarray, " points"]) -> Float[np.ndarray, "k points"]:
+    """What each knot, equally far apart from 0 to 1, gives to points in between."""
+    return np.maximum(1 - np.abs(at * (knots - 1) - np.arange(knots)[:, None]), 0)
 
 
 def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
@@ -145,8 +155,7 @@ def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
 
     Linear between points, so that Σ_s w_s g(s) = Σ_p (w @ to_points)_p g_p.
     """
-    at = (np.arange(steps) + 0.5) / steps * points - 0.5
-    at = np.clip(at, 0, points - 1)[:, None]
+    at = np.clip(middles(steps) * points - 0.5, 0, points - 1)[:, None]
     return np.maximum(1 - np.abs(at - np.arange(points)), 0)
 
 

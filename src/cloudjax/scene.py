@@ -18,9 +18,10 @@ from .air import Air, Column
 from .atmosphere import AbstractTemperature
 from .bands import EmissiveBands, ReflectiveBands
 from .emission import EmittingSlabs
+from .footprint import POINT, Footprint
 from .geodesy import geodetic
 from .light import AbstractReflection, Scatterers
-from .path import Path, along_chord, device_array, points_along
+from .path import Path, along_chord, device_array, middles, points_along
 from .rays import Rays
 from .shadows import Passage, Shades, Shadows, find_shades
 from .shell import chords, second_chords
@@ -194,6 +195,7 @@ def navigate(
     *,
     knots: int = 2,
     twice: bool = False,
+    footprint: Footprint = POINT,
 ) -> View:
     """Lay the rays through all layers, on the host in float64.
 
@@ -207,6 +209,8 @@ def navigate(
     - `profile`: of the air, as `Air.navigate` takes it.
     - `knots`: points of a chord between which masks, winds and temperatures are linear.
     - `twice`: follow rays that graze the Earth into a shell a second time.
+    - `footprint`: of the pixels; textures averaged over it are read no more often than
+      they can change.
     """
     none = [None] * len(scene.layers)
     column = None
@@ -221,7 +225,10 @@ def navigate(
         if twice:
             found.append(second_chords(rays, layer.cloud.shell))
         for chord in found:
-            ways.append(layer.cloud.navigate(rays, chord, mask, maps, knots=knots))
+            way = layer.cloud.navigate(
+                rays, chord, mask, maps, knots=knots, footprint=footprint
+            )
+            ways.append(way)
             entries.append(chord.entry_m)
             layer_of.append(i)
             if temperature is not None and scene.emissive is not None:
@@ -285,7 +292,7 @@ def sample(scene: Scene, view: View, textures: tuple) -> Sampled:
     air = None
     if view.air_k is not None:
         air = tuple(
-            along_chord(known.T[..., None], scene.layers[i].steps)
+            along_chord(known.T[..., None], middles(scene.layers[i].steps))
             for i, known in zip(view.layer_of, view.air_k, strict=True)
         )
     paths = tuple(way.path for way in view.ways)

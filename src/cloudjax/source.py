@@ -63,7 +63,14 @@ class AbstractCloudSource(eqx.Module):
 
     @abc.abstractmethod
     def navigate(
-        self, rays: Rays, chord: Chords, mask=None, displacements=None, *, knots: int
+        self,
+        rays: Rays,
+        chord: Chords,
+        mask=None,
+        displacements=None,
+        *,
+        knots: int,
+        footprint: Footprint,
     ) -> Any:
         """The ways of rays along chords, on the host in float64.
 
@@ -73,6 +80,7 @@ class AbstractCloudSource(eqx.Module):
         - `displacements`: one displacement map, or one for each texture; None for
           still air.
         - `knots`: points of a chord between which masks and winds are linear.
+        - `footprint`: of the pixels.
 
         **Returns:** a module that holds the `path`.
         """

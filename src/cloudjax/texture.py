@@ -6,6 +6,7 @@ on the first axis, which keeps each in one run of memory.
 """
 
 import functools as ft
+import threading
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -15,10 +16,6 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .footprint import POINT, Footprint
-
-
-# Of an averaged texture: the Gaussian is down to 1/60 at two voxels per wave.
-_VOXELS_PER_WIDTH = 4.0
 
 
 class Unresolved(eqx.Module):
@@ -196,13 +193,13 @@ def make_texture(
         jnp.asarray(footprint.view * way_m / length_scale_m, float),
         jnp.asarray(length_scale_m, float),
         resolution,
-        _voxels_for(footprint.width_m / length_scale_m, resolution),
+        _voxels_for(footprint.spacing_m / length_scale_m, resolution),
     )
 
 
-def _voxels_for(width: float, resolution: int) -> int:
-    """Per axis, for a footprint of a width in periods: of a few sizes."""
-    needed = _VOXELS_PER_WIDTH / max(width, 1e-9)
+def _voxels_for(spacing: float, resolution: int) -> int:
+    """Per axis, for a spacing in periods: of a few sizes."""
+    needed = 1 / max(spacing, 1e-9)
     sizes = [s for i in range(3, 16) for s in (2**i, 3 * 2 ** (i - 1))]
     return min((s for s in sizes if needed <= s < resolution), default=resolution)
 
@@ -235,16 +232,26 @@ class _Spectrum(eqx.Module):
         return jnp.sum(self.power * means.mean(-1))
 
 
-@ft.lru_cache(maxsize=32)
 def _spectrum(fractal: Fractal, seed: int, resolution: int) -> _Spectrum:
+    """One thread makes it, the others wait for it."""
+    with _SPECTRA:
+        return _make_spectrum(fractal, seed, resolution)
+
+
+_SPECTRA = threading.Lock()
+
+
+@ft.lru_cache(maxsize=32)
+def _make_spectrum(fractal: Fractal, seed: int, resolution: int) -> _Spectrum:
     waves = jnp.fft.rfftn(fractal.field(seed, resolution)).at[0, 0, 0].set(0)
     waves = waves / jnp.sqrt(jnp.sum(_power(waves / resolution**3)))
     power = _power(waves / resolution**3)
     shell = jnp.round(jnp.sqrt(sum(k**2 for k in _waves(resolution)))).astype(int)
     return _Spectrum(
-        waves,
-        jnp.zeros(resolution).at[shell].add(power),
-        jnp.sum(power * _steepness(resolution)),
+        # What is kept is of use in any precision.
+        waves.astype(jnp.complex64),
+        jnp.zeros(resolution).at[shell].add(power).astype(jnp.float32),
+        jnp.sum(power * _steepness(resolution)).astype(jnp.float32),
     )
 
 

@@ -26,11 +26,10 @@ def sorted_by_kind(
     scene: Scene,
     sight: Rays | Sight,
     count: int,
-    resolution: int,
     *,
     alike: bool = False,
-) -> Iterator[tuple[Kind, tuple, Int[np.ndarray, " rays"]]]:
-    """Each kind of ray, its textures, and the numbers of its rays.
+) -> Iterator[tuple[Kind, Int[np.ndarray, " rays"]]]:
+    """Each kind of ray and the numbers of its rays.
 
     With `alike`, kinds that differ in their footprint only are told apart.
     """
@@ -42,6 +41,8 @@ def sorted_by_kind(
     )
     if alike:
         rows[:, 5:] = 2, 0
+    else:
+        rows[rows[:, 5] == 0] = 0
     # One number per row: rows themselves sort twenty times as slowly.
     low, high = rows.min(0).astype(np.int64), rows.max(0).astype(np.int64)
     sizes = high - low + 1
@@ -51,12 +52,16 @@ def sorted_by_kind(
     ends = np.cumsum(counts)
     found = np.stack(np.unravel_index(found, tuple(sizes)), axis=-1) + low
     for row, members in zip(found, np.split(order, ends[:-1]), strict=True):
-        kind = kind_of(row)
-        textures = tuple(
-            layer.cloud.make_textures(kind.footprint, resolution)
-            for layer in scene.layers
-        )
-        yield kind, textures, members
+        yield kind_of(row), members
+
+
+def batches(
+    numbers: Int[np.ndarray, " rays"], tile: int, tiles_at_once: int
+) -> Iterator[tuple[Int[np.ndarray, " some"], Int[np.ndarray, " filled"]]]:
+    """As `tiles`, but many tiles at a time as long as there are enough."""
+    whole = len(numbers) - len(numbers) % (tile * tiles_at_once)
+    yield from tiles(numbers[:whole], tile * tiles_at_once)
+    yield from tiles(numbers[whole:], tile)
 
 
 def tiles(

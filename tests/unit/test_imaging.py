@@ -161,7 +161,7 @@ def test_samples_are_in_the_order_of_the_rays():
     for i in first[:6]:
         kind = kind_of(rows[i])
         textures = (SCENE.layers[0].cloud.make_textures(kind.footprint, N),)
-        view = navigate(SCENE, rays[[i]], SUN, WEATHER.masks)
+        view = navigate(SCENE, rays[[i]], SUN, WEATHER.masks, footprint=kind.footprint)
         alone = by_hand(SCENE, view, textures)
         for a, b in zip(
             jax.tree.leaves(alone.clouds), jax.tree.leaves(found.clouds), strict=True

@@ -9,7 +9,15 @@ import pytest
 
 from cloudjax import FixedGrid, Rays, Shell
 from cloudjax.geodesy import ecef, geodetic, up
-from cloudjax.path import Path, along_chord, drift_m, navigate, points_along, strain
+from cloudjax.path import (
+    Path,
+    along_chord,
+    drift_m,
+    middles,
+    navigate,
+    points_along,
+    strain,
+)
 from cloudjax.shell import chords
 from tests.helpers import ground_points, rays_to
 
@@ -133,11 +141,11 @@ def test_points_along_a_chord_run_from_its_entry_to_its_exit():
 def test_between_knots_values_are_linear(knots):
     """Straight through all knots of a line, and on the broken line through others."""
     at = np.linspace(0, 1, knots)
-    middles = (np.arange(7) + 0.5) / 7
+    there = middles(7)
     values = np.stack([at, at**2], axis=1)
-    found = along_chord(jnp.asarray(values[..., None], float), 7)
-    np.testing.assert_allclose(found[0], middles, atol=1e-6)
-    np.testing.assert_allclose(found[1], np.interp(middles, at, at**2), atol=1e-6)
+    found = along_chord(jnp.asarray(values[..., None], float), there)
+    np.testing.assert_allclose(found[0], there, atol=1e-6)
+    np.testing.assert_allclose(found[1], np.interp(there, at, at**2), atol=1e-6)
 
 
 class _Turned:
