@@ -15,7 +15,7 @@ SIDE, SEEDS = 14, 2
 # over pixels, and largest bias.
 EXPECTED = {
     "GEO nadir": (4.4, 2.4, 0.03),
-    "GEO near the limb": (3.4, 2.1, 0.03),
+    "GEO near the limb": (3.6, 2.0, 0.03),
     "LEO, 20 m": (1.0, 0.9, 0.07),
 }
 
@@ -35,8 +35,8 @@ def test_one_soft_ray_beats_one_hard_ray(name):
 
     Expectation: nearer to the mean of 64 hard rays per pixel with 160 and more steps
     than one hard ray is, both with 24 steps, by the factors of `EXPECTED`. Source: the
-    hard level set of Schinder et al. (2024), averaged. Tolerance: some 20 % below what
-    was measured: gains of 6.0 and 3.1, 4.2 and 2.7, 1.3 and 1.1. From low orbit a pixel
+    hard level set of Schinder et al. (2024), averaged. Tolerance: some 10 to 25 % below
+    what was measured: gains of 5.2 and 2.7, 4.7 and 2.2, 1.2 and 1.0. From low orbit a pixel
     of 20 m resolves nearly all there is and one hard ray is nearly right: what is left
     is the error of the steps.
     """
