@@ -36,9 +36,9 @@ def test_one_soft_ray_beats_one_hard_ray(name):
     Expectation: nearer to the mean of 64 hard rays per pixel with 160 and more steps
     than one hard ray is, both with 24 steps, by the factors of `EXPECTED`. Source: the
     hard level set of Schinder et al. (2024), averaged. Tolerance: some 10 to 25 % below
-    what was measured: gains of 5.2 and 2.7, 4.7 and 2.2, 1.2 and 1.0. From low orbit a pixel
-    of 20 m resolves nearly all there is and one hard ray is nearly right: what is left
-    is the error of the steps.
+    what was measured: gains of 5.2 and 2.7, 4.7 and 2.2, 1.2 and 1.0. From low
+    orbit a pixel of 20 m resolves nearly all there is and one hard ray is nearly right:
+    what is left is the error of the steps.
     """
     found = gains(VIEWS[name], SEEDS, SIDE)
     w1, rmse, bias = EXPECTED[name]
