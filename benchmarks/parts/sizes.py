@@ -26,7 +26,7 @@ class Sizes:
 
     disc: tuple[int, int, int] | None = None
     presets: tuple[tuple[int, int], ...] = (
-        (6, 1),
+        (2, 1),
         (3, 3),
         (4, 3),
         (6, 3),
