@@ -24,42 +24,54 @@ def twin(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def solutions(twin):
-    solver = Solver(twin.problem)
+def solver(twin):
+    return Solver(twin.problem)
+
+
+@pytest.fixture(scope="module")
+def starts(twin):
     # Half of the vague prior of the twin: one standard deviation of the usual one.
-    starts = draw_starts(twin.parameters, STARTS + 1, seed=5)[1:]
-    return [solver(twin.problem, z / 2) for z in starts]
+    return [z / 2 for z in draw_starts(twin.parameters, STARTS + 1, seed=5)[1:]]
 
 
-def test_random_starts_find_the_determined_parameters(twin, solutions):
+def test_the_best_of_three_starts_finds_the_determined_parameters(twin, solver, starts):
     """Geometry: 84 x 84 pixels of 2 km, low and high cloud, GOES-17, day.
 
-    Expectation: of 8 starts drawn from the priors, the best finds every parameter that
-    the fit calls determined, and at least 4 come as near as the fit says that it knows
-    them. Tolerance: 2 % of the truth for the best; two of the stated standard
-    deviations for the others. Measured: loss 0.34 and 0.5 % for the best; 4 others end
-    in a dent beside it, of loss 0.71, within 1.0 standard deviations; 3 end far off,
-    with losses of 8 to 765 that give them away (docs/decisions.md). The scene has the
-    noise of the instrument and the packing of its files.
+    Expectation: of three starts drawn from the priors, the one of the least loss finds
+    every parameter that the fit calls determined. Tolerance: 2 % of the truth. The
+    scene has the noise of the instrument and the packing of its files.
     """
-    z = jnp.asarray(min(solutions, key=lambda s: s.loss).z)
+    solutions = [solver(twin.problem, z) for z in starts[:3]]
+    best = min(solutions, key=lambda s: s.loss)
+    assert best.converged
+    assert _error(twin, best) < 0.02
+
+
+@pytest.mark.slow
+def test_most_starts_find_the_determined_parameters(twin, solver, starts):
+    """Geometry and tolerance: as above.
+
+    Expectation: at least 6 of 8 starts find the truth. Measured: 6; the other two end
+    far off, with losses that give them away (docs/decisions.md).
+    """
+    solutions = [solver(twin.problem, z) for z in starts]
+    found = [s.converged and _error(twin, s) < 0.02 for s in solutions]
+    assert sum(found) >= 6
+
+
+def _error(twin, solution) -> float:
+    """The largest of a determined parameter, relative to the truth."""
+    z = jnp.asarray(solution.z)
     estimates, _ = estimate(twin.problem, twin.target, z, z, seed=0)
     determined = np.array([e.determined for e in estimates])
     assert determined.sum() >= 8
-    stated = np.array([2 * float(e.std) for e in estimates])
-    best = values_of(twin.parameters, z)
-    np.testing.assert_allclose(best[determined], twin.truth[determined], rtol=0.02)
-    found = 0
-    for solution in solutions:
-        values = np.asarray(values_of(twin.parameters, jnp.asarray(solution.z)))
-        off = np.abs(values - twin.truth) > stated
-        found += solution.converged and not off[determined].any()
-    assert found >= 4
+    values = np.asarray(values_of(twin.parameters, z))
+    return float(np.abs(values / twin.truth - 1)[determined].max())
 
 
 def test_the_jacobian_of_the_fit_is_right_in_both_modes(twin):
     """The compiled forward Jacobian, the one that the solver uses, agrees with reverse
-    mode, in float32 and at the size of a fit (7056 rays, 12 steps, 2 layers)."""
+    mode, in float32 and at the size of a fit (7056 rays, 24 steps, 2 layers)."""
     z = jnp.full(len(twin.parameters), 0.1)
 
     @jax.jit
