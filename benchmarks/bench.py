@@ -8,6 +8,7 @@ them.
 """
 
 import argparse
+import dataclasses
 import importlib
 import importlib.util
 import json
@@ -40,13 +41,17 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("out/bench"))
     parser.add_argument("--quick", action="store_true", help="small sizes: a test")
     parser.add_argument("--only", help=f"some of {','.join(PARTS)}")
+    parser.add_argument("--repeats", type=int, help="of what is timed")
     options = parser.parse_args()
     every = QUICK_PARTS if options.quick else PARTS
     chosen = options.only.split(",") if options.only else every
     if unknown := [name for name in chosen if name not in PARTS]:
         parser.error(f"there is no part {unknown[0]!r}: choose of {', '.join(PARTS)}")
     options.output.mkdir(parents=True, exist_ok=True)
-    found = run(chosen, QUICK if options.quick else Sizes(), options.quick)
+    sizes = QUICK if options.quick else Sizes()
+    if options.repeats is not None:
+        sizes = dataclasses.replace(sizes, repeats=options.repeats)
+    found = run(chosen, sizes, options.quick)
     (options.output / "bench.json").write_text(json.dumps(found, indent=2) + "\n")
     (options.output / "bench.md").write_text(tables(found), encoding="utf-8")
     _part("figure").draw(found["parts"], options.output / "bench.png")
