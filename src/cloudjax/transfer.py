@@ -6,6 +6,7 @@ from typing import cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from .air import Column
@@ -333,7 +334,7 @@ class CloudProducts(eqx.Module):
     share: Float[Array, "layers rays"]
 
     @property
-    def optical_depth(self) -> Float[Array, " rays"]:
+    def optical_depth(self) -> Float[Array | np.ndarray, " rays"]:
         """Of all layers."""
         return self.depths.sum(0)
 
