@@ -7,11 +7,9 @@ from pathlib import Path
 
 import boto3
 import pytest
-from click.testing import CliRunner, Result
 from moto.server import ThreadedMotoServer
 
 from cloudjax_data import Link
-from cloudjax_fit.cli import main
 from tests.mischief import Mischief
 
 
@@ -101,17 +99,3 @@ def link(mischief) -> Link:
         first_wait_s=0.01,
         connections=2,
     )
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(main, ["fetch", *map(str, arguments)])
-
-
-def sentence_of(result: Result) -> str:
-    """The one sentence of a fetch that failed."""
-    assert result.exit_code == 2, result.output
-    lines = result.stderr.splitlines()
-    assert len(lines) == 1, result.stderr
-    assert lines[0].startswith("cloudjax: ")
-    assert lines[0].endswith(".")
-    return lines[0]

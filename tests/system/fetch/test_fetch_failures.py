@@ -25,6 +25,7 @@ from cloudjax_data import (
     plan_goes,
     transfer,
 )
+from tests.commands import run, sentence_of
 from tests.generated import window, write_abi_l1b
 from tests.mischief import (
     Request,
@@ -37,8 +38,6 @@ from tests.mischief import (
     slow,
 )
 from tests.noaa_buckets import add_gfs, add_scan, goes_folder
-
-from .conftest import run, sentence_of
 
 
 pytestmark = pytest.mark.xdist_group("fetch")
@@ -265,12 +264,12 @@ def test_a_store_that_is_always_busy_or_not_there(scan, mischief, tmp_path):
     mischief.faults = [lambda request, answer: busy(request, answer)]
     command = ("goes", "--satellite", "goes16", "--sector", "conus", "--time")
     command = (*command, SCAN.isoformat(), "-o", tmp_path / "out", "--retries", "0")
-    sentence = sentence_of(run(*command, "--endpoint", mischief.url))
+    sentence = sentence_of(run("fetch", *command, "--endpoint", mischief.url))
     assert "503" in sentence
     assert "nothing was written" in sentence
-    sentence = sentence_of(run(*command, "--endpoint", "http://127.0.0.1:9"))
+    sentence = sentence_of(run("fetch", *command, "--endpoint", "http://127.0.0.1:9"))
     assert "error sending request" in sentence
-    sentence = sentence_of(run(*command, "--endpoint", tmp_path / "no"))
+    sentence = sentence_of(run("fetch", *command, "--endpoint", tmp_path / "no"))
     assert "is not a folder" in sentence
     assert not (tmp_path / "out").exists()
 

@@ -15,10 +15,9 @@ from click.testing import CliRunner
 from cloudjax_data import open_folder, read_weather
 from cloudjax_data.weather import GROUND, OPTIONAL, REQUIRED
 from cloudjax_fit.cli import main
+from tests.commands import run, sentence_of
 from tests.mischief import busy, cut, of_files
 from tests.noaa_buckets import LEVELS_HPA, add_gfs, add_scan, goes_folder
-
-from .conftest import run, sentence_of
 
 
 pytestmark = pytest.mark.xdist_group("fetch")
@@ -46,7 +45,7 @@ def scene(root, store):
 
 def test_a_scene_is_fetched_and_taken_as_it_is(scene, mischief, tmp_path):
     out = tmp_path / "scene"
-    result = run("scene", *CONUS, "-o", out, "--endpoint", mischief.url)
+    result = run("fetch", "scene", *CONUS, "-o", out, "--endpoint", mischief.url)
     assert result.exit_code == 0, result.output
     folder = open_folder(out)
     assert (folder.platform, folder.sector, folder.start) == ("G16", "C", SCAN)
@@ -63,7 +62,7 @@ def test_a_scene_is_fetched_and_taken_as_it_is(scene, mischief, tmp_path):
 
 def test_the_manifest_says_where_each_file_came_from(scene, mischief, tmp_path):
     out = tmp_path / "scene"
-    run("scene", *CONUS, "-o", out, "--endpoint", mischief.url)
+    run("fetch", "scene", *CONUS, "-o", out, "--endpoint", mischief.url)
     files = json.loads((out / "manifest.json").read_text())["files"]
     assert set(files) == {file.name for file in out.iterdir()} - {"manifest.json"}
     for name, entry in files.items():
@@ -77,7 +76,9 @@ def test_the_manifest_says_where_each_file_came_from(scene, mischief, tmp_path):
 
 
 def test_only_the_needed_messages_of_the_gfs_are_asked_for(scene, mischief, tmp_path):
-    result = run("gfs", "--time", "2023-04-26T17:00", "-o", tmp_path, *_at(mischief))
+    result = run(
+        "fetch", "gfs", "--time", "2023-04-26T17:00", "-o", tmp_path, *_at(mischief)
+    )
     assert result.exit_code == 0, result.output
     bucket = "/noaa-gfs-bdp-pds/gfs.20230426"
     f003 = f"{bucket}/12/atmos/gfs.t12z.pgrb2.1p00.f003"
@@ -97,7 +98,7 @@ def test_only_the_needed_messages_of_the_gfs_are_asked_for(scene, mischief, tmp_
 def test_a_terminal_gets_a_bar(scene, mischief, tmp_path, monkeypatch):
     terminal = SimpleNamespace(stdout=SimpleNamespace(isatty=lambda: True))
     monkeypatch.setattr("cloudjax_fit.cli.fetch_progress.sys", terminal)
-    result = run("goes", *CONUS, "-o", tmp_path, *_at(mischief))
+    result = run("fetch", "goes", *CONUS, "-o", tmp_path, *_at(mischief))
     assert result.exit_code == 0, result.output
     assert ".nc" not in result.output
     assert "0.1 MB transferred" in result.output
@@ -105,7 +106,7 @@ def test_a_terminal_gets_a_bar(scene, mischief, tmp_path, monkeypatch):
 
 def test_a_dry_run_lists_names_and_sizes_and_writes_nothing(scene, mischief, tmp_path):
     out = tmp_path / "scene"
-    result = run("scene", *CONUS, "-o", out, "--dry-run", *_at(mischief))
+    result = run("fetch", "scene", *CONUS, "-o", out, "--dry-run", *_at(mischief))
     assert result.exit_code == 0, result.output
     for word in ("RadC-M6C13_G16_s20231161701", "ACHAC", "t18z.pgrb2.1p00.f000"):
         assert word in result.output
@@ -116,9 +117,9 @@ def test_a_dry_run_lists_names_and_sizes_and_writes_nothing(scene, mischief, tmp
 
 def test_a_second_run_transfers_nothing(scene, mischief, tmp_path):
     command = ("scene", *CONUS, "-o", tmp_path / "scene", *_at(mischief))
-    assert run(*command).exit_code == 0
+    assert run("fetch", *command).exit_code == 0
     mischief.requests.clear()
-    again = run(*command)
+    again = run("fetch", *command)
     assert again.exit_code == 0, again.output
     assert again.output.count("was there") == 8
     assert mischief.transfers == []
@@ -127,22 +128,22 @@ def test_a_second_run_transfers_nothing(scene, mischief, tmp_path):
 
 def test_a_file_that_was_changed_is_fetched_again(scene, mischief, tmp_path):
     command = ("scene", *CONUS, "-o", tmp_path / "scene", *_at(mischief))
-    run(*command)
+    run("fetch", *command)
     (changed,) = (tmp_path / "scene").glob("*C13*")
     content = changed.read_bytes()
     changed.write_bytes(content[:-1] + b"x")
     mischief.requests.clear()
-    assert run(*command).exit_code == 0
+    assert run("fetch", *command).exit_code == 0
     assert changed.read_bytes() == content
     assert len(mischief.transfers) == 1
 
 
 def test_files_without_a_manifest_are_looked_at_and_kept(scene, mischief, tmp_path):
     command = ("goes", *CONUS, "-o", tmp_path, *_at(mischief))
-    run(*command)
+    run("fetch", *command)
     (tmp_path / "manifest.json").write_text("{ not JSON")
     mischief.requests.clear()
-    assert run(*command).exit_code == 0
+    assert run("fetch", *command).exit_code == 0
     assert mischief.transfers == []
     assert len(json.loads((tmp_path / "manifest.json").read_text())["files"]) == 6
 
@@ -151,7 +152,9 @@ def test_a_cache_is_shared(scene, mischief, tmp_path):
     cache = tmp_path / "cache"
     for name in ("one", "two"):
         out = tmp_path / name
-        result = run("scene", *CONUS, "-o", out, "--cache", cache, *_at(mischief))
+        result = run(
+            "fetch", "scene", *CONUS, "-o", out, "--cache", cache, *_at(mischief)
+        )
         assert result.exit_code == 0, result.output
         assert list(open_folder(out).bands) == [1, 3, 13]
         assert len(json.loads((out / "manifest.json").read_text())["files"]) == 8
@@ -166,7 +169,7 @@ def test_a_cache_is_shared(scene, mischief, tmp_path):
 def test_a_folder_in_the_layout_of_the_buckets_is_an_endpoint(scene, root, tmp_path):
     for endpoint in (root, root.as_uri()):
         out = tmp_path / endpoint.__class__.__name__
-        result = run("scene", *CONUS, "-o", out, "--endpoint", endpoint)
+        result = run("fetch", "scene", *CONUS, "-o", out, "--endpoint", endpoint)
         assert result.exit_code == 0, result.output
         assert list(open_folder(out).bands) == [1, 3, 13]
 
@@ -184,6 +187,7 @@ def test_listings_go_on_over_many_pages(root, store, mischief, tmp_path):
         out = tmp_path / sector
         time = "2023-04-26T17:06:40Z"
         result = run(
+            "fetch",
             *("goes", *options, "--sector", sector, "--time", time),
             *("-o", out, *_at(mischief)),
         )
@@ -207,6 +211,7 @@ def test_all_bands_are_of_the_nearest_scan_that_has_them(
     store.fill(root)
     common = ("--sector", "full", "--no-products", "--time", "2022-08-01T05:00+02:00")
     result = run(
+        "fetch",
         *("goes", "--satellite", "west", *common, "--bands", "7,13"),
         *("-o", tmp_path / "both", *_at(mischief)),
     )
@@ -215,6 +220,7 @@ def test_all_bands_are_of_the_nearest_scan_that_has_them(
         timedelta(milliseconds=100)
     )
     result = run(
+        "fetch",
         *("goes", "--satellite", "west", *common, "--bands", "13"),
         *("-o", tmp_path / "one", *_at(mischief)),
     )
@@ -228,6 +234,7 @@ def test_what_is_not_essential_is_noted_and_left_out(root, store, mischief, tmp_
     add_gfs(root, NOON, 3)
     store.fill(root)
     result = run(
+        "fetch",
         *("scene", "--satellite", "east", "--time", "2023-04-26T17:00"),
         *("--sector", "meso2", "--bands", "1,3,13", "-o", tmp_path / "scene"),
         *_at(mischief),
@@ -245,7 +252,9 @@ def test_a_longer_forecast_stands_in_for_a_missing_analysis(
     add_gfs(root, NOON, 3)
     add_gfs(root, NOON, 6)
     store.fill(root)
-    result = run("gfs", "--time", "2023-04-26T17:00", "-o", tmp_path, *_at(mischief))
+    result = run(
+        "fetch", "gfs", "--time", "2023-04-26T17:00", "-o", tmp_path, *_at(mischief)
+    )
     assert result.exit_code == 0, result.output
     times = {read_weather(f).valid_time for f in tmp_path.glob("*.grib2")}
     assert times == {NOON + timedelta(hours=3), NOON + timedelta(hours=6)}
@@ -254,17 +263,17 @@ def test_a_longer_forecast_stands_in_for_a_missing_analysis(
 def test_a_missing_hour_is_a_sentence(scene, mischief, tmp_path):
     out = tmp_path / "scene"
     late = ("--time", "2023-04-26T19:40", *CONUS[4:], "-o", out, *_at(mischief))
-    sentence = sentence_of(run("scene", *CONUS[:2], *late))
+    sentence = sentence_of(run("fetch", "scene", *CONUS[:2], *late))
     assert (
         "no scan of sector conus with all of bands 1, 3, 13 within 15 min" in sentence
     )
     assert "nothing was written" in sentence
     sentence = sentence_of(
-        run("scene", *CONUS[:6], "--bands", "1,2", "-o", out, *_at(mischief))
+        run("fetch", "scene", *CONUS[:6], "--bands", "1,2", "-o", out, *_at(mischief))
     )
     assert "only of bands 1" in sentence
     sentence = sentence_of(
-        run("gfs", "--time", "2019-10-27T20:00", "-o", out, *_at(mischief))
+        run("fetch", "gfs", "--time", "2019-10-27T20:00", "-o", out, *_at(mischief))
     )
     assert "no GFS of grid 1p00 around 2019-10-27 20:00 UTC" in sentence
     assert not out.exists()
@@ -275,7 +284,7 @@ def test_a_busy_store_and_a_cut_connection_are_overcome(scene, mischief, tmp_pat
         of_files(busy, times=2),
         of_files(cut(3000), times=3),
     ]
-    result = run("goes", *CONUS, "-o", tmp_path, *_at(mischief))
+    result = run("fetch", "goes", *CONUS, "-o", tmp_path, *_at(mischief))
     assert result.exit_code == 0, result.output
     assert list(open_folder(tmp_path).bands) == [1, 3, 13]
 
@@ -302,6 +311,7 @@ def test_real_files_pass_their_checks(shared_data, root, store, mischief, tmp_pa
         shutil.copyfile(file, folder / file.name)
     store.fill(root)
     result = run(
+        "fetch",
         *("goes", "--satellite", "west", "--time", "2019-10-27T20:00", "--sector"),
         *("meso1", "--bands", "3,13", "-o", tmp_path / "scene", *_at(mischief)),
     )
