@@ -35,6 +35,8 @@ COVERAGE_SCALE = 2 * SCALE
 # their place.
 BLOCK_SPREAD = 0.15
 BLOCK_FLOOR = 0.03
+# Whose derivatives are found at once: all that they need fits the cache of a CPU core.
+_RAYS_AT_ONCE = 128 if jax.default_backend() == "cpu" else 1 << 14
 
 
 class Problem(eqx.Module):
@@ -72,9 +74,54 @@ def simulate(
     problem: Problem, values: Float[Array, " parameters"]
 ) -> tuple[Float[Array, "bands rays"], Float[Array, " rays"]]:
     """Radiances of the rays and the share of each that is selected as cloud."""
+    seen = _seen(values, problem)
     scene = put_all(problem.scene, problem.parameters, values)
-    seen = scene.total(radiances(scene, problem.sampled, problem.background))
     return seen, problem.rule.weights(seen, scene)
+
+
+def _total(values, problem: Problem, sampled: Sampled, background: BandRadiances):
+    scene = put_all(problem.scene, problem.parameters, values)
+    return scene.total(radiances(scene, sampled, background))
+
+
+@eqx.filter_custom_jvp
+def _seen(values, problem: Problem) -> Float[Array, "bands rays"]:
+    """Radiances of the rays, with derivatives by the values in either mode."""
+    return _total(values, problem, problem.sampled, problem.background)
+
+
+@_seen.def_jvp
+def _seen_jvp(primals, tangents):
+    """The product with a Jacobian that does not depend on the tangent.
+
+    A ray has fewer bands than parameters and knows nothing of other rays: its rows are
+    found backwards, all bands at once, and serve every tangent. Forwards, each tangent
+    is carried through all steps of all rays.
+    """
+    values, problem = primals
+    change, of_problem = tangents
+    if jax.tree.leaves(of_problem):
+        raise NotImplementedError("A fit has derivatives by its parameters only.")
+    seen, jacobian = _with_jacobian(values, problem)
+    return seen.T, jnp.einsum("rbp,p->br", jacobian, change)
+
+
+def _with_jacobian(
+    values, problem: Problem
+) -> tuple[Float[Array, "rays bands"], Float[Array, "rays bands parameters"]]:
+    def of_ray(i):
+        sampled, behind = problem.sampled[i[None]], problem.background[i[None]]
+
+        def seen(values):
+            bands = _total(values, problem, sampled, behind)[:, 0]
+            return bands, bands
+
+        jacobian, bands = jax.jacrev(seen, has_aux=True)(values)
+        return bands, jacobian
+
+    rays = jnp.arange(problem.block_of_ray.shape[0])
+    return jax.lax.map(of_ray, rays, batch_size=min(_RAYS_AT_ONCE, len(rays)))
+
 
 
 def residuals(

@@ -6,9 +6,11 @@ of it lies in front of a point follows from distances alone, whatever side the r
 from.
 """
 
+import abc
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .shell import Shell
 
@@ -24,8 +26,29 @@ class Stretch(eqx.Module):
     length_m: Float[Array, " rays"]
 
 
-class Place(eqx.Module):
-    """Where on another stretch's profile points of a ray lie.
+class AbstractPlace(eqx.Module):
+    """Where on another stretch's profile points of a ray lie."""
+
+    @abc.abstractmethod
+    def read(self, profile: Float[Array, "rays nodes"]) -> Float[Array, "rays points"]:
+        """A profile from the start to the end of the stretch, linear between nodes."""
+
+
+class Apart(AbstractPlace):
+    """All points of a ray on one side of the other stretch.
+
+    **Fields:** `behind`: it, and not before.
+    """
+
+    behind: Bool[Array, "rays 1"]
+
+    def read(self, profile: Float[Array, "rays nodes"]) -> Float[Array, "rays 1"]:
+        """The same at all points."""
+        return jnp.where(self.behind, profile[:, -1:], profile[:, :1])
+
+
+class Within(AbstractPlace):
+    """Points anywhere.
 
     **Fields:** `index`, `weight`: of the node before, and of the one after it.
     """
@@ -51,16 +74,15 @@ def place(
     distance_m: Float[Array, "rays points"],
     *,
     overlapping: bool,
-) -> Place:
+) -> AbstractPlace:
     """Where points at distances within their own stretch lie on another one.
 
     Stretches of shells that do not overlap lie wholly before or behind each other.
     """
     if not overlapping:
-        behind = (own.start_m > stretch.start_m)[:, None]
-        return Place(jnp.where(behind, steps - 1, 0), jnp.where(behind, 1.0, 0.0))
+        return Apart((own.start_m > stretch.start_m)[:, None])
     ahead = (own.start_m - stretch.start_m)[:, None] + distance_m
     at = ahead / jnp.maximum(stretch.length_m, 1e-3)[:, None] * steps
     at = jnp.clip(at, 0, steps)
     index = jnp.minimum(jnp.floor(at), steps - 1).astype(jnp.int32)
-    return Place(index, at - index)
+    return Within(index, at - index)

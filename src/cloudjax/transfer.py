@@ -14,7 +14,7 @@ from .bands import EmissiveBands
 from .emission import Factors
 from .light import Illumination
 from .march import March, first_surface, march
-from .order import Place, Stretch, overlap, place
+from .order import AbstractPlace, Stretch, overlap, place
 from .path import Path
 from .reflectance import above_horizon
 from .scene import BandRadiances, Layer, Sampled, Scene
@@ -36,7 +36,7 @@ class _Seen(eqx.Module):
     air_k: Float[Array, "rays steps"] | None
     path: Path
     passed: March
-    places: tuple[Place | None, ...]
+    places: tuple[AbstractPlace | None, ...]
 
     @property
     def view_height(self) -> Float[Array, " rays"]:
