@@ -52,8 +52,8 @@ CHUNK = 4608
 class HardCloud(FractalCloud):
     """The paper's level set: a step is cloud where the cloud function is positive."""
 
-    def occupancy(self, samples):
-        soft = super().occupancy(samples)
+    def occupancy(self, samples, steps):
+        soft = super().occupancy(samples, steps)
         return eqx.tree_at(lambda o: o.fraction, soft, jnp.round(soft.fraction))
 
 

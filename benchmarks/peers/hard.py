@@ -25,8 +25,8 @@ _sample, _radiances = eqx.filter_jit(sample), eqx.filter_jit(radiances)
 class HardCloud(FractalCloud):
     """A step is cloud where the cloud function is positive."""
 
-    def occupancy(self, samples):
-        soft = super().occupancy(samples)
+    def occupancy(self, samples, steps):
+        soft = super().occupancy(samples, steps)
         return eqx.tree_at(lambda o: o.fraction, soft, jnp.round(soft.fraction))
 
 

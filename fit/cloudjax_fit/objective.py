@@ -123,7 +123,6 @@ def _with_jacobian(
     return jax.lax.map(of_ray, rays, batch_size=min(_RAYS_AT_ONCE, len(rays)))
 
 
-
 def residuals(
     z: Float[Array, " parameters"], problem: Problem
 ) -> Float[Array, " residuals"]:

@@ -14,10 +14,10 @@ from .footprint import POINT, Footprint
 from .fractal_path import FractalPath
 from .geodesy import geodetic, vertical
 from .path import (
-    along_chord,
+    Path,
+    Profile,
     device_array,
     drift_m,
-    hats,
     middles,
     navigate,
     points_along,
@@ -65,17 +65,35 @@ class Latent(eqx.Module):
 class FractalSamples(eqx.Module):
     """All that eq. (1) needs along the rays and that no fitted parameter moves.
 
-    CF is linear in these, so a fit samples once and works on them. Gradients of
-    textures change over many steps, and are taken at fewer points.
+    CF is linear in these, so a fit samples once and works on them. What changes within
+    many steps only is held at few points.
+
+    **Fields:**
+
+    - `path`: the geometry.
+    - `mask`: weather mask w.
+    - `texture_values`, `unresolved`: of each texture.
+    - `up`, `texture_gradients`: the vertical, and gradients per metre, at points in the
+      middle of equal parts of the chord; None where no slopes are asked.
     """
 
-    distance_m: Float[Array, "rays steps"]
-    altitude_m: Float[Array, "rays steps"]
-    mask: Float[Array, "rays steps"]
-    texture_values: tuple[Float[Array, "rays steps"], ...]
+    path: Path
+    mask: Profile
+    texture_values: tuple[Profile, ...]
     unresolved: tuple[Unresolved, ...]
     up: Float[Array, "3 rays points"] | None
     texture_gradients: tuple[Float[Array, "3 rays points"], ...] | None
+
+    def on(self, path: Path, at: Float[Array, "rays points"]) -> "FractalSamples":
+        """Those at parts of the chord, 0 to 1, as if of the steps of another path."""
+        return FractalSamples(
+            path=path,
+            mask=Profile(self.mask.at(at)),
+            texture_values=tuple(Profile(v.at(at)) for v in self.texture_values),
+            unresolved=self.unresolved,
+            up=None,
+            texture_gradients=None,
+        )
 
 
 class FractalCloud(AbstractCloudSource):
@@ -146,9 +164,10 @@ class FractalCloud(AbstractCloudSource):
         periods = np.asarray(self.length_scales_m)[:, None]
         entry = points[0][:, None] / periods
         change = np.stack([point - points[0] for point in points[1:]], axis=-1)
+        masks = np.stack([_mask_at(mask, p) for p in points], axis=-1)
         way = FractalPath(
             path=navigate(rays, chord),
-            mask=device_array(np.stack([_mask_at(mask, p) for p in points], axis=-1)),
+            mask=Profile(device_array(masks), ends=True),
             texture_entry=device_array(entry % 1.0),
             texture_change=device_array(change[:, None] / periods[..., None]),
             strain=None,
@@ -168,8 +187,8 @@ class FractalCloud(AbstractCloudSource):
             device_array(periods[:, 0]),
         )
 
-    def likelihood(self, way: FractalPath) -> Float[Array, " rays"]:
-        most = self.function.likelihood(way.mask.max(-1))
+    def likelihood(self, way: FractalPath | FractalSamples) -> Float[Array, " rays"]:
+        most = self.function.likelihood(way.mask.values.max(-1))
         return jnp.where(way.path.length_m > 0, most, 0.0)
 
     def sample(
@@ -180,12 +199,13 @@ class FractalCloud(AbstractCloudSource):
         steps: int,
         with_gradient: bool,
     ) -> FractalSamples:
-        distance = way.path.distance_m(steps)
-        reads = way.reads if way.reads is not None and way.reads < steps else None
+        reads = way.reads if way.reads is not None and way.reads <= steps else None
         points = _slope_points(steps, reads)
         values, gradients, unresolved = [], [], []
         for i, texture in enumerate(textures):
-            values.append(_values(texture, way, i, steps, reads))
+            at = middles(steps) if reads is None else np.linspace(0, 1, reads)
+            read = texture.sample(way.position(i, at))
+            values.append(Profile(read, ends=reads is not None))
             lost = texture.unresolved
             if with_gradient:
                 position = way.position(i, middles(points))
@@ -196,14 +216,13 @@ class FractalCloud(AbstractCloudSource):
                     stretch = jnp.sum(way.strain[:, i] ** 2, axis=(1, 2)) / 3
                     lost = eqx.tree_at(lambda u: u.slope, lost, lost.slope * stretch)
                 gradients.append(gradient)
-            rays = distance.shape[0]
+            rays = way.path.length_m.shape[0]
             unresolved.append(
                 jax.tree.map(lambda v, rays=rays: jnp.broadcast_to(v, (rays,)), lost)
             )
         return FractalSamples(
-            distance_m=distance,
-            altitude_m=way.path.altitude_m(distance),
-            mask=along_chord(way.mask.T[..., None], middles(steps)),
+            path=way.path,
+            mask=way.mask,
             texture_values=tuple(values),
             unresolved=tuple(unresolved),
             up=way.path.up(way.path.distance_m(points)) if with_gradient else None,
@@ -220,10 +239,15 @@ class FractalCloud(AbstractCloudSource):
         periods = jnp.asarray(self.length_scales_m, float)
         return way.branch(distance_m, direction, ends_m, periods)
 
-    def occupancy(self, samples: FractalSamples) -> Occupancy:
+    def occupancy(self, samples: FractalSamples, steps: int) -> Occupancy:
         """The soft level set: how much of each step is cloud, for each latent node."""
         f = self.function
-        value = f(samples.texture_values, samples.mask, samples.altitude_m)
+        altitude = samples.path.altitude_m(samples.path.distance_m(steps))
+        read = samples.texture_values
+        # Summed up where they were read, which is less work than at the steps.
+        fractal = Profile(f.fractal(tuple(v.values for v in read)), read[0].ends)
+        mask = samples.mask.in_steps(steps)
+        value = f(fractal.in_steps(steps), mask, altitude)
         lost = [
             jax.tree.map(lambda v, m=f.weights[i]: m**2 * v, unresolved)
             for i, unresolved in enumerate(samples.unresolved)
@@ -245,7 +269,7 @@ class FractalCloud(AbstractCloudSource):
         if samples.texture_gradients is not None and samples.up is not None:
             slopes = Slopes(
                 f.gradient(samples.texture_gradients),
-                f.rise(samples.altitude_m),
+                f.rise(altitude),
                 samples.up,
                 sum((u.slope for u in lost), none),
             )
@@ -265,16 +289,6 @@ def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays st
     whole = jnp.concatenate([change[:, :1], inner, change[:, -1:]], axis=-1)
     # Where a barrier shuts within one step, no width can say where.
     return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
-
-
-def _values(texture: Texture, way: FractalPath, i: int, steps: int, reads: int | None):
-    """Of a texture at each step, read no more often than it can change."""
-    if reads is None:
-        return texture.sample(way.position(i, middles(steps)))
-    read = texture.sample(way.position(i, np.linspace(0, 1, reads)))
-    # A product of matrices: into a sum XLA would fuse the reads, anew for each step.
-    between = jnp.asarray(hats(reads, middles(steps)), read.dtype)
-    return jnp.matmul(read, between, precision="highest")
 
 
 def _slope_points(steps: int, reads: int | None) -> int:

@@ -46,15 +46,24 @@ class CloudFunction(eqx.Module):
 
     def __call__(
         self,
-        texture_values: tuple[Float[Array, "rays steps"], ...],
+        fractal: Float[Array, "rays steps"],
         mask: Float[Array, "rays steps"],
         altitude_m: Float[Array, "rays steps"],
     ) -> Float[Array, "rays steps"]:
-        """CF in the cloud where positive."""
+        """CF, in the cloud where positive.
+
+        **Arguments:** `fractal`: of the textures there.
+        """
         below, above = self._barriers(altitude_m)
-        value = self.mask_gain * mask - below - above - self.threshold
+        return fractal + self.mask_gain * mask - below - above - self.threshold
+
+    def fractal(
+        self, texture_values: tuple[Float[Array, "rays points"], ...]
+    ) -> Float[Array, "rays points"]:
+        """Σ m_i F_i."""
         # An explicit sum: a product with a weight vector, reduced, is miscompiled by
         # one release of jax (docs/decisions.md).
+        value = jnp.zeros_like(texture_values[0])
         for i, texture in enumerate(texture_values):
             value = value + self.weights[i] * texture
         return value

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .path import Path, along_chord, on_chord
+from .path import Path, Profile, along_chord, on_chord
 
 
 class FractalPath(eqx.Module):
@@ -17,7 +17,7 @@ class FractalPath(eqx.Module):
     **Fields:**
 
     - `path`: the geometry.
-    - `mask`: weather mask w at the knots.
+    - `mask`: weather mask w, at the knots.
     - `texture_entry`: upwind position of the entry in periods, reduced to [0, 1).
     - `texture_change`: from the entry to each further knot, in periods.
     - `strain`: ∂x'/∂x of each texture's displacement, None without wind.
@@ -26,9 +26,9 @@ class FractalPath(eqx.Module):
     """
 
     path: Path
-    mask: Float[Array, "rays knots"]
+    mask: Profile
     texture_entry: Float[Array, "rays textures 3"]
-    texture_change: Float[Array, "rays textures 3 knots-1"]
+    texture_change: Float[Array, "rays textures 3 further"]
     strain: Float[Array, "rays textures 3 3"] | None
     reads: int | None = eqx.field(static=True, default=None)
 
@@ -53,7 +53,7 @@ class FractalPath(eqx.Module):
         The mask and the strain stay what they are where it is left.
         """
         at = distance_m / jnp.maximum(self.path.length_m, 1.0)
-        mask = on_chord(list(self.mask.T), jnp.clip(at, 0, 1))
+        mask = on_chord(list(self.mask.values.T), jnp.clip(at, 0, 1))
         further = jnp.moveaxis(self.texture_change, -1, 0)
         knots = [jnp.zeros_like(self.texture_entry), *further]
         left = self.texture_entry + on_chord(knots, at[:, None, None])
@@ -64,7 +64,7 @@ class FractalPath(eqx.Module):
         after = ends_m[:, 1:] - ends_m[:, :1]
         return FractalPath(
             path=self.path.branch(distance_m, direction, ends_m),
-            mask=jnp.broadcast_to(mask[:, None], ends_m.shape),
+            mask=Profile(mask[:, None]),
             texture_entry=left + per_m * ends_m[:, :1, None],
             # The ends of the steps are the knots: positions are linear within each.
             texture_change=per_m[..., None] * after[:, None, None],

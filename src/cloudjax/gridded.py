@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .footprint import POINT, Footprint
 from .geodesy import east_north_up, ecef
-from .path import Path, device_array, navigate
+from .path import Path, Profile, device_array, navigate
 from .rays import Rays
 from .shell import Chords, Shell
 from .source import AbstractCloudSource, Occupancy, Slopes
@@ -33,11 +33,14 @@ class GriddedPath(eqx.Module):
 class GriddedSamples(eqx.Module):
     """The grid's values along the rays."""
 
-    distance_m: Float[Array, "rays steps"]
-    altitude_m: Float[Array, "rays steps"]
-    density: Float[Array, "rays steps"]
+    path: Path
+    density: Profile
     up: Float[Array, "3 rays steps"] | None
     gradient: Float[Array, "3 rays steps"] | None
+
+    def on(self, path: Path, at: Float[Array, "rays points"]) -> "GriddedSamples":
+        """Those at parts of the chord, 0 to 1, as if of the steps of another path."""
+        return GriddedSamples(path, Profile(self.density.at(at)), None, None)
 
 
 class GriddedCloud(AbstractCloudSource):
@@ -91,7 +94,7 @@ class GriddedCloud(AbstractCloudSource):
             per_m=device_array(rays.direction @ axes.T),
         )
 
-    def likelihood(self, way: GriddedPath) -> Float[Array, " rays"]:
+    def likelihood(self, way: GriddedPath | GriddedSamples) -> Float[Array, " rays"]:
         return jnp.where(way.path.length_m > 0, 1.0, 0.0)
 
     def sample(
@@ -117,9 +120,8 @@ class GriddedCloud(AbstractCloudSource):
         else:
             density = read(cells)
         return GriddedSamples(
-            distance_m=distance,
-            altitude_m=altitude,
-            density=density,
+            path=way.path,
+            density=Profile(density),
             up=way.path.up(distance) if with_gradient else None,
             gradient=gradient,
         )
@@ -140,8 +142,8 @@ class GriddedCloud(AbstractCloudSource):
             per_m=jnp.broadcast_to(turned, start.shape),
         )
 
-    def occupancy(self, samples: GriddedSamples) -> Occupancy:
-        density, slopes = samples.density, None
+    def occupancy(self, samples: GriddedSamples, steps: int) -> Occupancy:
+        density, slopes = samples.density.in_steps(steps), None
         if samples.gradient is not None and samples.up is not None:
             none = jnp.zeros_like(density)
             slopes = Slopes(samples.gradient, none, samples.up, none[:, 0])

@@ -6,6 +6,7 @@ the cache, which is too little work for several cores to share: each core has it
 """
 
 import functools as ft
+import itertools
 import operator as op
 import os
 import threading
@@ -88,20 +89,39 @@ _Job = Callable[[], _Batch]
 
 
 @dataclass(frozen=True, eq=False)
+class _Tile:
+    """Rays that are marched at once.
+
+    **Fields:**
+
+    - `index`: their numbers, those of the first rays of all else.
+    - `samples`: finds those of a scene; None where no cloud can be.
+    - `background`: behind them.
+    """
+
+    index: Int[np.ndarray, " rays"]
+    samples: Callable[[Scene], Sampled] | None
+    background: BandRadiances
+
+
+@dataclass(frozen=True, eq=False)
 class Prepared:
     """An image all but for its march, for many renders of one view.
 
-    Navigation, masks, winds, background and textures are done.
+    Navigation, masks, winds, background and textures are done, and the textures have
+    been read: no parameter of the clouds moves a sample.
     """
 
-    batches: tuple[_Batch, ...]
+    tiles: tuple[_Tile, ...]
     rays: int
-    tile: int
 
     def render(self, scene: Scene, *, with_products: bool = False) -> Image:
-        """March a scene that differs from the prepared one in its parameters only."""
-        jobs = (lambda batch=batch: batch for batch in self.batches)
-        return _march(scene, jobs, self.rays, self.tile, with_products)
+        """March a scene that differs from the prepared one in its parameters only.
+
+        Its layers may have fewer steps.
+        """
+        jobs = (lambda tile=tile: [tile] for tile in self.tiles)
+        return _march(scene, jobs, self.rays, with_products)
 
 
 def prepare(
@@ -120,7 +140,8 @@ def prepare(
     jobs = _jobs(
         scene, sight, count, sun_direction, background, weather, resolution, tile
     )
-    return Prepared(tuple(_each(jobs, op.call)), count, tile)
+    found = _each(jobs, lambda job: list(_sampled_tiles(scene, job(), tile)))
+    return Prepared(tuple(itertools.chain.from_iterable(found)), count)
 
 
 def render(
@@ -156,7 +177,8 @@ def render(
     jobs = _jobs(
         scene, sight, count, sun_direction, background, weather, resolution, tile
     )
-    return _march(scene, jobs, count, tile, with_products, on_tile)
+    likely = (lambda job=job: _likely_tiles(scene, job(), tile) for job in jobs)
+    return _march(scene, likely, count, with_products, on_tile)
 
 
 def sample_rays(
@@ -173,46 +195,83 @@ def sample_rays(
     Rays that graze the Earth are followed into a shell once.
     """
     parts, order = [], []
-    for kind, members in sorted_by_kind(scene, rays, len(rays), alike=True):
+    every = list(sorted_by_kind(scene, rays, len(rays), alike=True))
+    # All are read as often as the finest, or they could not be joined.
+    finest = min((kind for kind, _ in every), key=lambda kind: kind.footprint.spacing_m)
+    for kind, members in every:
         textures = _make_textures(scene, kind, resolution)
         for index, filled in tiles(members, tile):
-            view = _navigate(scene, rays[filled], sun_direction, weather, kind)
+            view = _navigate(scene, rays[filled], sun_direction, weather, finest)
             part = _sample(scene, view, textures)
             parts.append(_pick(part, np.arange(len(index))))
             order.append(index)
     return _pick(join(parts), np.argsort(np.concatenate(order)))
 
 
-def _march(scene, jobs, count, tile, with_products, on_tile=None) -> Image:
-    look = _look_with_products if with_products else _look
+def _likely_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[_Tile]:
+    """Of the rays that can meet cloud, and of the rest."""
+    chance = _chance(scene, batch)
+    likely = chance > _least(scene)
+    for some, filled in tiles(np.flatnonzero(~likely), size):
+        yield _Tile(batch.index[some], None, _pick(batch.background, filled))
+    for some, filled in tiles(np.flatnonzero(likely), size):
+        view, behind = _pick(batch.view, filled), _pick(batch.background, filled)
+        find = ft.partial(_sample, view=view, textures=batch.textures)
+        yield _Tile(batch.index[some], find, behind)
 
-    def unseen(behind: BandRadiances):
-        if not with_products:
-            return behind, None
-        rays = jax.tree.leaves(behind)[0].shape[-1]
-        return behind, clear_products(len(scene.layers), rays)
 
-    def march(job: _Job) -> list:
-        batch = job()
-        if batch.view is None or batch.textures is None:
-            return [(batch.index, unseen(batch.background))]
-        chance = np.asarray(_likelihood(scene, batch.view))[: len(batch.index)]
-        # Where no cloud is, the shadow of another may be.
-        likely = (chance > LEAST_LIKELIHOOD) | (scene.shadows is not None)
-        parts = [
-            (batch.index[some], unseen(_pick(batch.background, filled)))
-            for some, filled in tiles(np.flatnonzero(~likely), tile)
-        ]
-        for index, filled in tiles(np.flatnonzero(likely), tile):
-            sampled = _sample(scene, _pick(batch.view, filled), batch.textures)
-            seen = look(scene, sampled, _pick(batch.background, filled))
-            parts.append((batch.index[index], seen))
-        return parts
+def _sampled_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[_Tile]:
+    """Of all rays, for scenes whose clouds may be anywhere."""
+    # Those alike together, so that whole tiles are clear.
+    order = np.argsort(-_chance(scene, batch), kind="stable")
+    for some, filled in tiles(order, size):
+        find = None
+        if batch.view is not None:
+            view = _pick(batch.view, filled)
+            find = ft.partial(_sample, view=view, textures=batch.textures)
+            if scene.shadows is None:
+                find = ft.partial(_same, find(scene))
+        yield _Tile(batch.index[some], find, _pick(batch.background, filled))
+
+
+def _least(scene: Scene) -> float:
+    """Chance of cloud up to which rays are clear."""
+    # Where no cloud is, the shadow of another may be.
+    return LEAST_LIKELIHOOD if scene.shadows is None else -1.0
+
+
+def _same(sampled: Sampled, scene: Scene) -> Sampled:
+    """Whatever the parameters are."""
+    return sampled
+
+
+def _chance(scene: Scene, batch: _Batch) -> Float[np.ndarray, " rays"]:
+    """That rays meet cloud."""
+    count = len(batch.index)
+    if batch.view is None:
+        return np.full(count, -np.inf)
+    return np.asarray(_likelihood(scene, batch.view.layer_of, batch.view.ways))[:count]
+
+
+def _march(scene, jobs, count, with_products, on_tile=None) -> Image:
+    def march(tiles: Callable[[], Iterable[_Tile]]) -> list:
+        return [(tile.index, seen(tile)) for tile in tiles()]
+
+    def seen(tile: _Tile):
+        if tile.samples is None:
+            return _unseen(scene, tile.background, with_products)
+        return _look(
+            scene,
+            tile.samples(scene),
+            tile.background,
+            _least(scene),
+            with_products=with_products,
+        )
 
     canvas, done = _Canvas(count), 0
     for parts in _each(jobs, march):
-        for index, seen in parts:
-            canvas.paint(index, seen)
+        for index, part in parts:
+            canvas.paint(index, part)
             done += len(index)
         if on_tile is not None:
             on_tile(done, count)
@@ -268,28 +327,48 @@ def _default_tile() -> int:
     return 4096 if jax.default_backend() == "cpu" else 1 << 17
 
 
+def _unseen(scene: Scene, behind: BandRadiances, with_products: bool):
+    """What rays without cloud see."""
+    if not with_products:
+        return behind, None
+    rays = jax.tree.leaves(behind)[0].shape[-1]
+    return behind, clear_products(len(scene.layers), rays)
+
+
 # Compiled by jax and not by equinox, whose calls cost a millisecond with so many parts:
 # all leaves are arrays.
-@jax.jit
-def _look(scene: Scene, sampled: Sampled, background: BandRadiances):
-    return radiances(scene, sampled, background), None
+@ft.partial(jax.jit, static_argnames="with_products")
+def _look(
+    scene: Scene,
+    sampled: Sampled,
+    background: BandRadiances,
+    least: float,
+    *,
+    with_products: bool,
+):
+    """Radiances, and products in the same march, of rays that can meet cloud."""
+    likely = _likelihood(scene, sampled.layer_of, sampled.clouds) > least
+    clear = _unseen(scene, background, with_products)
 
+    def look():
+        found = products(scene, sampled) if with_products else None
+        return radiances(scene, sampled, background), found
 
-@jax.jit
-def _look_with_products(scene: Scene, sampled: Sampled, background: BandRadiances):
-    # In one piece, so that the march is done once for both.
-    return radiances(scene, sampled, background), products(scene, sampled)
+    seen = jax.lax.cond(likely.any(), look, lambda: clear)
+    return jax.tree.map(lambda some, none: jnp.where(likely, some, none), seen, clear)
 
 
 _sample = jax.jit(sample)
 
 
-@jax.jit
-def _likelihood(scene: Scene, view: View) -> Float[Array, " rays"]:
-    """Of the layer that a ray is most likely to meet."""
+@ft.partial(jax.jit, static_argnames="layer_of")
+def _likelihood(
+    scene: Scene, layer_of: tuple[int, ...], ways: tuple
+) -> Float[Array, " rays"]:
+    """Of the layer that a ray is most likely to meet, from its ways or samples."""
     chances = [
         scene.layers[i].cloud.likelihood(way)
-        for i, way in zip(view.layer_of, view.ways, strict=True)
+        for i, way in zip(layer_of, ways, strict=True)
     ]
     return ft.reduce(jnp.maximum, chances)
 

@@ -150,6 +150,44 @@ def hats(knots: int, at: Float[np.ndarray, " points"]) -> Float[np.ndarray, "k p
     return np.maximum(1 - np.abs(at * (knots - 1) - np.arange(knots)[:, None]), 0)
 
 
+class Profile(eqx.Module):
+    """Values along chords, linear in between.
+
+    **Fields:**
+
+    - `values`: at points equally far apart.
+    - `ends`: whether the ends of the chord are among them; else they are in the middle
+      of equal parts.
+    """
+
+    values: Float[Array, "rays points"]
+    ends: bool = eqx.field(static=True, default=False)
+
+    def in_steps(self, steps: int) -> Float[Array, "rays {steps}"]:
+        """In the middle of equal steps."""
+        points = self.values.shape[-1]
+        if points == steps and not self.ends:
+            return self.values
+        at = middles(steps)
+        share = hats(points, at) if self.ends else to_points(steps, points).T
+        # A product of matrices: into a sum XLA fuses what makes the values, once more
+        # for each step.
+        share = jnp.asarray(share, self.values.dtype)
+        return jnp.matmul(self.values, share, precision="highest")
+
+    def at(self, part: Float[Array, "rays places"]) -> Float[Array, "rays places"]:
+        """At parts of the chord, from 0 to 1; half a step from its ends as there."""
+        last = self.values.shape[-1] - 1
+        place = part * last if self.ends else part * (last + 1) - 0.5
+        place = jnp.clip(place, 0, last)
+        low = jnp.floor(place).astype(jnp.int32)
+        before, after = (
+            jnp.take_along_axis(self.values, i, axis=-1, mode="clip")
+            for i in (low, jnp.minimum(low + 1, last))
+        )
+        return before + (place - low) * (after - before)
+
+
 def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
     """What each of a chord's steps gives to fewer points in the middle of equal parts.
 

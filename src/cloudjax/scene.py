@@ -21,7 +21,7 @@ from .emission import EmittingSlabs
 from .footprint import POINT, Footprint
 from .geodesy import geodetic
 from .light import AbstractReflection, Scatterers
-from .path import Path, along_chord, device_array, middles, points_along
+from .path import Profile, device_array, points_along
 from .rays import Rays
 from .shadows import Passage, Shades, Shadows, find_shades
 from .shell import chords, second_chords
@@ -165,7 +165,7 @@ class View(eqx.Module):
 
     - `ways`: one for each layer, and more for layers that rays meet twice.
     - `start_m`: where each way begins along the ray, relative to the first.
-    - `air_k`: temperature at the knots of each way; None where the scene's own or that
+    - `air_k`: temperature along each way; None where the scene's own or that
       of `column` serves.
     - `column`: the air along each ray; None for scenes without.
     - `sun_direction`: unit vector from the Earth, ECEF.
@@ -174,7 +174,7 @@ class View(eqx.Module):
 
     ways: tuple[PyTree, ...]
     start_m: tuple[Float[Array, " rays"], ...]
-    air_k: tuple[Float[Array, "rays knots"], ...] | None
+    air_k: tuple[Profile, ...] | None
     column: Column | None
     sun_direction: Float[Array, "3"]
     layer_of: tuple[int, ...] = eqx.field(static=True)
@@ -234,7 +234,8 @@ def navigate(
             if temperature is not None and scene.emissive is not None:
                 places = [geodetic(p) for p in points_along(rays, chord, knots)]
                 known = [temperature(*place) for place in places]
-                air.append(device_array(np.stack(known, axis=-1)))
+                known = device_array(np.stack(known, axis=-1))
+                air.append(Profile(known, ends=True))
     first = np.min(entries, axis=0) if entries else 0.0
     return View(
         tuple(ways),
@@ -252,15 +253,13 @@ class Sampled(eqx.Module):
     **Fields:**
 
     - `clouds`: of each way, what its source sampled.
-    - `air_k`: temperature at its steps; None as in `View`.
-    - `paths`, `start_m`, `column`, `sun_direction`, `layer_of`: as in `View`.
+    - `start_m`, `air_k`, `column`, `sun_direction`, `layer_of`: as in `View`.
     - `shades`: what is on the way to the sun; None without shadows. The points that are
       shaded are those of the parameters at hand: another set wants other samples.
     """
 
     clouds: tuple[PyTree, ...]
-    air_k: tuple[Float[Array, "rays steps"], ...] | None
-    paths: tuple[Path, ...]
+    air_k: tuple[Profile, ...] | None
     start_m: tuple[Float[Array, " rays"], ...]
     column: Column | None
     sun_direction: Float[Array, "3"]
@@ -289,17 +288,9 @@ def sample(scene: Scene, view: View, textures: tuple) -> Sampled:
         )
         for i, way in zip(view.layer_of, view.ways, strict=True)
     )
-    air = None
-    if view.air_k is not None:
-        air = tuple(
-            along_chord(known.T[..., None], middles(scene.layers[i].steps))
-            for i, known in zip(view.layer_of, view.air_k, strict=True)
-        )
-    paths = tuple(way.path for way in view.ways)
     return Sampled(
         clouds,
-        air,
-        paths,
+        view.air_k,
         view.start_m,
         view.column,
         view.sun_direction,
@@ -312,7 +303,15 @@ def _shades(scene: Scene, view: View, textures: tuple, clouds: tuple) -> Shades 
     if scene.shadows is None or scene.reflective is None:
         return None
     passages = [
-        Passage(layer.cloud, textures[i], way, samples, start, layer.returned_per_m)
+        Passage(
+            layer.cloud,
+            textures[i],
+            way,
+            samples,
+            start,
+            layer.returned_per_m,
+            layer.steps,
+        )
         for i, way, samples, start in zip(
             view.layer_of, view.ways, clouds, view.start_m, strict=True
         )

@@ -17,7 +17,6 @@ has the derivation, what it was measured against, and the limits.
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
@@ -54,6 +53,7 @@ class Passage(eqx.Module):
     - `way`, `samples`: what the source made of the rays.
     - `start_m`: as in `scene.View`.
     - `returned_per_m`: bβ in each reflective band.
+    - `steps`: of the march.
     """
 
     source: AbstractCloudSource
@@ -62,48 +62,27 @@ class Passage(eqx.Module):
     samples: PyTree
     start_m: Float[Array, " rays"]
     returned_per_m: Float[Array, " bands"]
+    steps: int = eqx.field(static=True)
 
     @property
     def path(self) -> Path:
         return self.way.path
 
-    def at_altitudes_of(self, samples: PyTree) -> PyTree:
-        """Its own samples at the altitudes of others that were taken of its source."""
-        altitude = samples.altitude_m
-        count = self.samples.distance_m.shape[-1]
+    def at_altitudes_of(self, way: Path, steps: int) -> PyTree:
+        """Its own samples at the altitudes of a way that its source was sampled on."""
+        altitude = way.altitude_m(way.distance_m(steps))
         length = jnp.maximum(self.path.length_m, 1.0)[:, None]
-        at = self.path.distance_to_m(altitude) / length * count - 0.5
-        at = jnp.clip(at, 0, count - 1)
-        low = jnp.floor(at).astype(jnp.int32)
-        high = jnp.minimum(low + 1, count - 1)
-
-        def read(profile):
-            before, after = (
-                jnp.take_along_axis(profile, jnp.broadcast_to(i, shape), axis=-1)
-                for shape in [(*profile.shape[:-1], low.shape[-1])]
-                for i in (low, high)
-            )
-            return before + (at - low) * (after - before)
-
-        def pick(wanted, found):
-            # Without what nobody asks for; what has rays only has no steps to read.
-            if wanted is None:
-                return None
-            return read(found) if wanted.ndim > 1 else found
-
-        taken = jax.tree.map(pick, samples, self.samples, is_leaf=lambda x: x is None)
-        # Between steps the altitude is no straight line to the last metre, and a level
-        # cloud would shade itself.
-        return eqx.tree_at(lambda s: s.altitude_m, taken, altitude)
+        return self.samples.on(way, self.path.distance_to_m(altitude) / length)
 
     def turning_point_m(self) -> Float[Array, " rays"]:
         """The mean distance from the entry at which light turns: weights exp(-bτ)."""
-        passed = march(self.source.occupancy(self.samples), self.path.length_m)
+        occupancy = self.source.occupancy(self.samples, self.steps)
+        passed = march(occupancy, self.path.length_m)
         slant = jnp.abs(jnp.sum(self.path.direction * self.path.entry_up, axis=-1))
         returned = self.returned_per_m.mean() * slant[None, :, None] * passed.cloud_m
         weight = passed.mean(passed.segment_m * jnp.exp(-returned))
         total = jnp.maximum(weight.sum(-1), 1e-9)
-        return jnp.sum(weight * self.samples.distance_m, axis=-1) / total
+        return jnp.sum(weight * self.path.distance_m(self.steps), axis=-1) / total
 
 
 class Shade(eqx.Module):
@@ -126,7 +105,9 @@ class Shade(eqx.Module):
         Float[Array, "nodes rays"], Float[Array, "nodes rays"], Float[Array, " nodes"]
     ]:
         """Vertical length of the cloud on both ways, and the weights of the nodes."""
-        sunward, own = source.occupancy(self.sunward), source.occupancy(self.own)
+        steps = self.rise_m.shape[-1]
+        sunward = source.occupancy(self.sunward, steps)
+        own = source.occupancy(self.own, steps)
         rise = self.rise_m[None]
         lit = jnp.sum(sunward.fraction * rise, axis=-1)
         return lit, jnp.sum(own.fraction * rise, axis=-1), own.weights
@@ -204,9 +185,8 @@ class _Look(eqx.Module):
         sunward = mine.source.sample(
             branch, mine.textures, steps=steps, with_gradient=False
         )
-        return Shade(
-            jnp.diff(here.altitude_m(ends)), sunward, mine.at_altitudes_of(sunward)
-        )
+        own = mine.at_altitudes_of(branch.path, steps)
+        return Shade(jnp.diff(here.altitude_m(ends)), sunward, own)
 
 
 def dimming(

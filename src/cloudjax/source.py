@@ -87,11 +87,18 @@ class AbstractCloudSource(eqx.Module):
 
     @abc.abstractmethod
     def likelihood(self, way) -> Float[Array, " rays"]:
-        """Of cloud anywhere on a way; rays of none need not be marched."""
+        """Of cloud anywhere on a way; rays of none need not be marched.
+
+        **Arguments:** `way`: or samples of one.
+        """
 
     @abc.abstractmethod
     def sample(self, way, textures, *, steps: int, with_gradient: bool) -> Any:
-        """What the source needs along the rays; holds `distance_m`, `altitude_m`."""
+        """What the source needs along the rays, to be marched in so many steps.
+
+        **Returns:** a module that holds the `path`, and has a method `on(path, at)` for
+        the same at other places.
+        """
 
     @abc.abstractmethod
     def branch(
@@ -111,5 +118,5 @@ class AbstractCloudSource(eqx.Module):
         """
 
     @abc.abstractmethod
-    def occupancy(self, samples) -> Occupancy:
-        """How much of each step is cloud."""
+    def occupancy(self, samples, steps: int) -> Occupancy:
+        """How much of each of so many equal steps is cloud."""

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from .air import Column
 from .bands import EmissiveBands
@@ -32,11 +32,15 @@ class _Seen(eqx.Module):
     """
 
     layer: Layer
-    samples: PyTree
-    air_k: Float[Array, "rays steps"] | None
     path: Path
+    distance_m: Float[Array, "rays steps"]
+    air_k: Float[Array, "rays steps"] | None
     passed: March
     places: tuple[AbstractPlace | None, ...]
+
+    @property
+    def altitude_m(self) -> Float[Array, "rays steps"]:
+        return self.path.altitude_m(self.distance_m)
 
     @property
     def view_height(self) -> Float[Array, " rays"]:
@@ -56,9 +60,13 @@ class _Seen(eqx.Module):
 
 def _march(scene: Scene, sampled: Sampled) -> list[_Seen]:
     layers = [scene.layers[i] for i in sampled.layer_of]
+    paths = [samples.path for samples in sampled.clouds]
+    distances = [
+        path.distance_m(layer.steps) for layer, path in zip(layers, paths, strict=True)
+    ]
     stretches = [
         Stretch(start, path.length_m)
-        for start, path in zip(sampled.start_m, sampled.paths, strict=True)
+        for start, path in zip(sampled.start_m, paths, strict=True)
     ]
 
     def places(i):
@@ -72,7 +80,7 @@ def _march(scene: Scene, sampled: Sampled) -> list[_Seen]:
                     stretch,
                     layers[j].steps,
                     stretches[i],
-                    sampled.clouds[i].distance_m,
+                    distances[i],
                     overlapping=not same and overlap(*shells),
                 )
             )
@@ -80,14 +88,14 @@ def _march(scene: Scene, sampled: Sampled) -> list[_Seen]:
     return [
         _Seen(
             layer,
-            samples,
-            None if sampled.air_k is None else sampled.air_k[i],
             path,
-            march(layer.cloud.occupancy(samples), path.length_m),
+            distances[i],
+            None if sampled.air_k is None else sampled.air_k[i].in_steps(layer.steps),
+            march(layer.cloud.occupancy(samples, layer.steps), path.length_m),
             tuple(places(i)),
         )
         for i, (layer, samples, path) in enumerate(
-            zip(layers, sampled.clouds, sampled.paths, strict=True)
+            zip(layers, sampled.clouds, paths, strict=True)
         )
     ]
 
@@ -197,7 +205,7 @@ def _illumination(way: _Seen, sun: Float[Array, "3"]) -> Illumination:
     if way.passed.slopes is not None:
         surface = first_surface(
             way.passed.absorbed(way.layer.extinction_per_m),
-            way.samples.distance_m,
+            way.distance_m,
             way.passed.slopes,
             way.path.direction,
         )
@@ -221,15 +229,12 @@ def _black_bodies(scene: Scene, ways: Sequence[_Seen], column: Column | None):
     if scene.air is not None and column is not None:
         emission = scene.air.emission(bands, column, scene.temperature)
         black = [
-            emission.black_bodies(way.samples.altitude_m, way.layer.cloud.shell)
-            for way in ways
+            emission.black_bodies(way.altitude_m, way.layer.cloud.shell) for way in ways
         ]
         return black, None if scene.emission is None else emission.above(_top_m(ways))
     black = [
         bands.planck(
-            scene.temperature(way.samples.altitude_m)
-            if way.air_k is None
-            else way.air_k
+            scene.temperature(way.altitude_m) if way.air_k is None else way.air_k
         )
         for way in ways
     ]
@@ -309,7 +314,7 @@ def _top_m(ways: Sequence[_Seen]) -> Float[Array, " rays"]:
     """Mean altitude of the first surface; 0 where nothing is met."""
     height = total = jnp.zeros_like(ways[0].path.length_m)
     for way, stopped in zip(ways, _stopped(ways), strict=True):
-        height = height + (stopped * way.samples.altitude_m).sum(-1)
+        height = height + (stopped * way.altitude_m).sum(-1)
         total = total + stopped.sum(-1)
     met = total > 1e-3
     return jnp.where(met, height / jnp.where(met, total, 1.0), 0.0)

@@ -25,12 +25,12 @@ TEXTURES = fractal_cloud().make_textures(POINT, 16)
 @eqx.filter_jit
 def _soft(cloud, way, steps):
     samples = cloud.sample(way, TEXTURES, steps=steps, with_gradient=True)
-    passed = march(cloud.occupancy(samples), way.path.length_m)
+    passed = march(cloud.occupancy(samples, steps), way.path.length_m)
     assert passed.slopes is not None
     absorbed = passed.absorbed(jnp.asarray(EXTINCTION, float))
     surface = first_surface(
         absorbed,
-        samples.distance_m,
+        samples.path.distance_m(steps),
         passed.slopes,
         way.path.direction,
     )

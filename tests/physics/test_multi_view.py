@@ -33,12 +33,12 @@ STEPS, EXTINCTION = 400, 0.2
 def _surface(way):
     """Distance of the first surface from the entry, and how much of a ray it stops."""
     samples = CLOUD.sample(way, TEXTURES, steps=STEPS, with_gradient=True)
-    passed = march(CLOUD.occupancy(samples), way.path.length_m)
+    passed = march(CLOUD.occupancy(samples, STEPS), way.path.length_m)
     assert passed.slopes is not None
     absorbed = passed.absorbed(jnp.asarray(EXTINCTION))
     found = first_surface(
         absorbed,
-        samples.distance_m,
+        samples.path.distance_m(STEPS),
         passed.slopes,
         way.path.direction,
     )

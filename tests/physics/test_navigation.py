@@ -20,7 +20,8 @@ STEPS = 8
 @eqx.filter_jit
 def _sampled(way):
     samples = CLOUD.sample(way, TEXTURES, steps=STEPS, with_gradient=False)
-    return samples.altitude_m, samples.texture_values
+    altitude = samples.path.altitude_m(samples.path.distance_m(STEPS))
+    return altitude, tuple(v.in_steps(STEPS) for v in samples.texture_values)
 
 
 def _middles(rays: Rays):

@@ -13,6 +13,7 @@ from scipy.stats import norm
 from cloudjax import POINT, FractalCloud, Latent, Perlin, Shell
 from cloudjax.cloud import FractalSamples
 from cloudjax.geodesy import ecef, geodetic
+from cloudjax.path import Path, Profile
 from cloudjax.shell import chords
 from cloudjax.texture import Unresolved
 from tests.helpers import (
@@ -35,12 +36,12 @@ NOTHING = (0.0, 0.0, 0.0)
 def _samples(values, mask: Any = 0.0, altitude=2000.0, lost=(NOTHING, NOTHING)):
     """Over flat textures. `lost`: common, own and slope of each."""
     values = [jnp.asarray(v, float) for v in values]
-    like = jnp.ones_like(values[0])
+    like = jnp.ones_like(values[0][:, 0])
+    place = jnp.broadcast_to(jnp.asarray([1.0, 0.0, 0.0]), (len(like), 3))
     return FractalSamples(
-        distance_m=like,
-        altitude_m=altitude * like,
-        mask=mask * like,
-        texture_values=tuple(values),
+        path=Path(0 * like, altitude * like, 6.4e6 * like, -place, place),
+        mask=Profile(mask * jnp.ones_like(values[0])),
+        texture_values=tuple(Profile(v) for v in values),
         unresolved=tuple(
             Unresolved(*(jnp.full(len(like), part) for part in parts)) for parts in lost
         ),
@@ -64,7 +65,7 @@ def test_the_cloud_function_is_equation_1():
     terms = 0.9 * textures[0] - 0.4 * textures[1] + 0.7 * mask
     expected = terms - 1.3 * below - 1.3 * above - 0.2
     arrays = [jnp.asarray(x, float) for x in (*textures, mask, z)]
-    found = f((arrays[0], arrays[1]), arrays[2], arrays[3])
+    found = f(f.fractal((arrays[0], arrays[1])), arrays[2], arrays[3])
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
 
 
@@ -73,7 +74,7 @@ def test_far_outside_the_shell_all_is_finite_and_clear(altitude):
     z = jnp.full((1, 1), altitude)
 
     def value(f):
-        return f((0 * z, 0 * z), 0 * z, z).sum()
+        return f(f.fractal((0 * z, 0 * z)), 0 * z, z).sum()
 
     found, slope = jax.value_and_grad(value)(cloud_function(barrier_scale_m=50.0))
     assert jnp.isfinite(found)
@@ -102,18 +103,20 @@ def _both_slopes(cloud, textures, way, step_m=0.5):
     """∇CF at the middle of each ray's chord, and central differences."""
     here = cloud.sample(way, textures, steps=3, with_gradient=True)
     f = cloud.function
-    rise = f.rise(here.altitude_m)[None, :, 1] * here.up[..., 1]
+    altitude = here.path.altitude_m(here.path.distance_m(3))
+    rise = f.rise(altitude)[None, :, 1] * here.up[..., 1]
     found = f.gradient(here.texture_gradients)[..., 1] + rise
     middle = way.texture_entry + way.texture_change[..., 0] / 2
-    zero = jnp.zeros_like(here.altitude_m[:, 1:2])
+    zero = jnp.zeros_like(altitude[:, 1:2])
 
     def value(shift):
         values = [
             texture.sample(middle[:, i].T + shift[:, None] / cloud.length_scales_m[i])
             for i, texture in enumerate(textures)
         ]
-        raised = here.altitude_m[:, 1] + shift @ here.up[..., 1]
-        return f(tuple(v[:, None] for v in values), zero, raised[:, None])[:, 0]
+        raised = altitude[:, 1] + shift @ here.up[..., 1]
+        fractal = f.fractal(tuple(v[:, None] for v in values))
+        return f(fractal, zero, raised[:, None])[:, 0]
 
     ends = jax.vmap(value)(step_m * jnp.concatenate([jnp.eye(3), -jnp.eye(3)]))
     return found, (ends[:3] - ends[3:]) / (2 * step_m)
@@ -123,7 +126,7 @@ def test_occupancy_is_a_gaussian_step_as_wide_as_the_smoothing():
     """Many rays of one step, along which CF does not change."""
     cloud = fractal_cloud(smoothing=0.3, threshold=0.0)
     values = np.linspace(-1.5, 1.5, 21)[:, None]
-    found = eqx.filter_jit(cloud.occupancy)(_samples([values, 0 * values]))
+    found = eqx.filter_jit(cloud.occupancy)(_samples([values, 0 * values]), 1)
     barriers = 2 * np.exp(-5)
     np.testing.assert_allclose(
         found.fraction[0], norm.cdf((values - barriers) / 0.3), atol=1e-5
@@ -138,7 +141,7 @@ def test_the_lost_variance_shifts_and_widens_the_level_set():
     cloud = fractal_cloud(nodes=5, smoothing=0.2, threshold=0.0)
     values = np.linspace(-2, 2, 15)[:, None]
     samples = _samples([values, 0 * values], lost=((0.4, 0.1, 3e-9), (0.1, 0.2, 4e-9)))
-    found = eqx.filter_jit(cloud.occupancy)(samples)
+    found = eqx.filter_jit(cloud.occupancy)(samples, 1)
     common, own = 0.4 + 0.5**2 * 0.1, 0.1 + 0.5**2 * 0.2
     cf = values - 2 * np.exp(-5)
     node = np.asarray(cloud.latent.nodes, float)[:, None, None]
@@ -157,7 +160,7 @@ def test_a_single_node_takes_all_that_is_lost_for_width():
     samples = _samples([values, 0 * values], lost=((0.4, 0.1, 0.0), NOTHING))
     cf = values - 2 * np.exp(-5)
     np.testing.assert_allclose(
-        cloud.occupancy(samples).fraction[0],
+        cloud.occupancy(samples, 1).fraction[0],
         norm.cdf(cf / np.sqrt(0.2**2 + 0.5)),
         atol=1e-5,
     )
@@ -170,7 +173,7 @@ def test_the_change_within_a_step_widens_the_level_set():
     change = np.array([[0.5, 0.7, 0.5, 0.05, 0.0]])
     cf = values - 2 * np.exp(-5)
     np.testing.assert_allclose(
-        cloud.occupancy(_samples([values, 0 * values])).fraction[0],
+        cloud.occupancy(_samples([values, 0 * values]), 5).fraction[0],
         norm.cdf(cf / np.sqrt(0.1**2 + change**2 / 12)),
         atol=1e-5,
     )
@@ -185,14 +188,14 @@ def test_a_level_set_that_cuts_a_step_fills_its_share_of_it():
     cloud = fractal_cloud(smoothing=0.0, threshold=0.0)
     for offset in np.linspace(0, 1, 7):
         cf = np.arange(-10.0, 10.0)[None] + offset + 2 * np.exp(-5)
-        found = cloud.occupancy(_samples([cf, 0 * cf])).fraction[0].sum()
+        found = cloud.occupancy(_samples([cf, 0 * cf]), 20).fraction[0].sum()
         assert float(found) == pytest.approx(9.5 + offset, abs=0.062)
 
 
 def test_nodes_agree_when_nothing_is_lost():
     cloud = fractal_cloud(nodes=3, smoothing=0.1)
     values = np.linspace(-1, 1, 9)[:, None]
-    fraction = cloud.occupancy(_samples([values, values])).fraction
+    fraction = cloud.occupancy(_samples([values, values]), 1).fraction
     np.testing.assert_allclose(fraction - fraction[:1], 0, atol=3e-5)
 
 
@@ -204,7 +207,7 @@ def test_a_level_set_without_any_width_is_hard_and_finite():
     def fractions(f):
         samples = _samples([0 * masks, 0 * masks], masks)
         changed = dataclasses.replace(cloud, function=f)
-        return changed.occupancy(samples).fraction[0, :, 0]
+        return changed.occupancy(samples, 1).fraction[0, :, 0]
 
     found = jax.jit(fractions)(cloud.function)
     np.testing.assert_allclose(found[jnp.array([0, 1, 3])], [0, 0, 1], atol=1e-12)
@@ -219,7 +222,7 @@ def test_the_likelihood_is_that_of_normal_textures(mask):
     f, draws = cloud.function, np.random.default_rng(2).normal(size=(2, 100_000))
     z = jnp.full((1, 1), (float(f.base_m) + float(f.top_m)) / 2)
     weights = np.asarray(f.weights)
-    sure = float(f((0 * z, 0 * z), jnp.full((1, 1), mask), z)[0, 0])
+    sure = float(f(0 * z, jnp.full((1, 1), mask), z)[0, 0])
     cover = np.mean(sure + weights @ draws > 0)
     way = _navigate(cloud, geostationary_rays(3), lambda φ, λ: 0 * φ + mask)
     np.testing.assert_allclose(cloud.likelihood(way), cover, atol=0.01)
@@ -240,9 +243,9 @@ def test_samples_hold_what_the_way_tells():
     rich = _sampled(cloud, way, textures, steps=6, with_gradient=True)
     assert plain.up is None
     assert plain.texture_gradients is None
-    np.testing.assert_allclose(plain.mask, 2.0, atol=0.25)
+    np.testing.assert_allclose(plain.mask.values, 2.0, atol=0.25)
     for a, b in zip(plain.texture_values, rich.texture_values, strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-5)
+        np.testing.assert_allclose(a.values, b.values, atol=1e-5)
     assert np.all(np.asarray(way.texture_entry) >= 0)
     assert np.all(np.asarray(way.texture_entry) <= 1)
 
@@ -275,7 +278,7 @@ def test_wind_moves_the_textures_and_turns_their_gradients():
     assert still.texture_gradients is not None
     for i in range(2):
         np.testing.assert_allclose(
-            moved.texture_values[i], still.texture_values[i], atol=1e-6
+            moved.texture_values[i].values, still.texture_values[i].values, atol=1e-6
         )
         expected = np.tensordot(turn.T, np.asarray(still.texture_gradients[i]), 1)
         # The strain of the map is that of a sphere: off by the flattening of 0.3 %.
@@ -303,7 +306,8 @@ def test_knots_follow_masks_that_bend_along_a_ray():
     for knots in (2, 3, 5):
         way = _navigate(cloud, rays, _bent, knots=knots)
         samples = _sampled(cloud, way, textures, steps=32, with_gradient=False)
-        errors.append(np.abs(np.asarray(samples.mask) - truth).max())
+        found = np.asarray(samples.mask.in_steps(32))
+        errors.append(np.abs(found - truth).max())
     assert errors[0] > 1e-3
     assert errors[1] < errors[0] / 3
     assert errors[2] < errors[1] / 3

@@ -44,13 +44,13 @@ def test_centres_of_cells_have_their_values():
     i, j = np.divmod(np.arange(15), 5)
     found = _sampled(_cloud(), _rays(200 * i + 100.0, 100 * j + 50.0))
     # From the top down; half a kilometre off, the Earth has dropped by 3 cm.
-    np.testing.assert_allclose(found.density, VALUES[i, j, ::-1], atol=1e-3)
+    np.testing.assert_allclose(found.density.values, VALUES[i, j, ::-1], atol=1e-3)
 
 
 def test_a_grid_ends_unless_it_is_periodic():
     rays = _rays(np.array([-300.0, 900.0, 300.0]), np.array([50.0, 50.0, -950.0]))
-    np.testing.assert_allclose(_sampled(_cloud(), rays).density, 0, atol=1e-6)
-    found = _sampled(_cloud(periodic=True), rays).density
+    np.testing.assert_allclose(_sampled(_cloud(), rays).density.values, 0, atol=1e-6)
+    found = _sampled(_cloud(periodic=True), rays).density.values
     expected = VALUES[[1, 1, 1], [0, 0, 0], ::-1]
     np.testing.assert_allclose(found, expected, atol=1e-2)
 
@@ -63,7 +63,7 @@ def test_slopes_are_those_of_the_values_in_space():
     slopes = east_north_up(*CORNER) @ np.asarray(found.gradient)[:, 0]
     expected = np.array([1e-4, 2e-4, -5e-4])
     np.testing.assert_allclose(slopes[:, 1], expected, rtol=1e-3)
-    occupied = cloud.occupancy(found).slopes
+    occupied = cloud.occupancy(found, 4).slopes
     assert occupied is not None
     assert occupied.gradient is found.gradient
 
@@ -77,7 +77,7 @@ def test_a_branch_reads_the_grid_in_its_own_direction():
     branch = cloud.branch(way, jnp.asarray([200.0]), up, ends)
     textures = cloud.make_textures(POINT, 8)
     found = cloud.sample(branch, textures, steps=2, with_gradient=False)
-    np.testing.assert_allclose(found.density[0], VALUES[1, 2, 2:], atol=1e-3)
+    np.testing.assert_allclose(found.density.values[0], VALUES[1, 2, 2:], atol=1e-3)
 
 
 def test_masks_and_winds_are_refused():

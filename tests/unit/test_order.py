@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cloudjax import Shell
-from cloudjax.order import Place, Stretch, overlap, place
+from cloudjax.order import Stretch, Within, overlap, place
 from tests.helpers import numbers
 
 
@@ -56,6 +56,6 @@ def test_an_empty_stretch_dims_nothing_and_stays_finite():
         _stretch(100.0, 0.0), 3, _stretch(0.0, 300.0), numbers(5.0, 99.0, 250.0)[None],
         overlapping=True,
     )  # fmt: skip
-    assert isinstance(where, Place)
+    assert isinstance(where, Within)
     clear = where.read(jnp.ones((1, 4)))
     np.testing.assert_array_equal(clear, 1)

@@ -158,7 +158,9 @@ def test_what_is_not_asked_is_not_computed(asked):
 
     def run(scene, view, textures, background):
         sampled = sample(scene, view, textures)
-        occupancy = scene.layers[0].cloud.occupancy(sampled.clouds[0])
+        occupancy = scene.layers[0].cloud.occupancy(
+            sampled.clouds[0], scene.layers[0].steps
+        )
         return sampled.clouds[0], occupancy, radiances(scene, sampled, background)
 
     samples, occupancy, seen = eqx.filter_eval_shape(

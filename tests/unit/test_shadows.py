@@ -79,13 +79,16 @@ def test_a_branch_runs_towards_the_sun(knots, part):
     middle = (ends[1:] + ends[:-1]) / 2
     start = RAYS.at(chord.entry_m + left)
     place = start[:, None] + middle[None, :, None] * direction
-    np.testing.assert_allclose(found.distance_m[0], middle, rtol=1e-6)
-    np.testing.assert_allclose(found.altitude_m, geodetic(place)[2], atol=0.1)
+    distance = found.path.distance_m(3)
+    np.testing.assert_allclose(distance[0], middle, rtol=1e-6)
+    altitude = found.path.altitude_m(distance)
+    np.testing.assert_allclose(altitude, geodetic(place)[2], atol=0.1)
     for texture, period, values in zip(
         textures, cloud.length_scales_m, found.texture_values, strict=True
     ):
         u = np.moveaxis(place / period % 1, -1, 0)
-        np.testing.assert_allclose(values, texture.sample(jnp.asarray(u)), atol=1e-4)
+        expected = texture.sample(jnp.asarray(u))
+        np.testing.assert_allclose(values.values, expected, atol=1e-4)
 
 
 def test_a_branch_follows_the_wind():
@@ -117,7 +120,7 @@ def test_a_branch_follows_the_wind():
     for values, truth in zip(
         found.texture_values, expected.texture_values, strict=True
     ):
-        np.testing.assert_allclose(values, truth, atol=0.01)
+        np.testing.assert_allclose(values.values, truth.values, atol=0.01)
 
 
 def test_what_is_not_asked_is_not_looked_for():
