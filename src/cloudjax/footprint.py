@@ -10,19 +10,24 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from .geodesy import GRS80, Ellipsoid, vertical
+from .geodesy import GRS80, Ellipsoid, dot, vertical
 from .rays import Rays
-from .shell import Shell, chords, second_chords
+from .shell import Shell, both_chords
 
 
-# Widths of one kind agree within a factor of √2, lengths over widths within 2,
-# directions within 45 degrees, half of them 20, where that is above √2. Four times as
-# many kinds gain nothing (docs/decisions.md).
+# Widths of one kind agree within a factor of √2. Lengths over widths are 1, up to 1.6,
+# or 2.5, and then directions agree within 36 degrees. Many more kinds gain a tenth of
+# the error (docs/decisions.md).
 _WIDTHS_PER_OCTAVE = 2.0
-_STRETCHES_PER_OCTAVE = 1.0
-_DIRECTION_CELL = 1.0
-# At the limb a footprint has no end. 6 times its width is 10 degrees above it.
-_LONGEST = 6.0
+_STRETCHES_PER_OCTAVE = 0.75
+_DIRECTIONS = np.array(
+    [
+        *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        *((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)),
+    ]
+)
+# At the limb a footprint has no end.
+_LONGEST = 3.9
 # An average over the whole of the box takes too much of the vertical structure that the
 # ray resolves: measured against many hard rays per pixel (docs/decisions.md).
 _SHARPNESS = 0.8
@@ -108,10 +113,10 @@ def kinds(
 
     **Arguments:** `shell`: the air that holds all cloud.
     """
-    chord, again = chords(rays, shell, ellipsoid), second_chords(rays, shell, ellipsoid)
+    chord, again = both_chords(rays, shell, ellipsoid)
     middle = chord.entry_m + chord.length_m / 2
     upward, _ = vertical(rays.at(middle), ellipsoid)
-    slant = (upward * rays.direction).sum(-1)
+    slant = dot(upward, rays.direction)
     width = rays.pixel_rad * np.maximum(middle, 1.0)
     stretch = np.minimum(1 / np.maximum(np.abs(slant), 1e-9), _LONGEST)
     rung = np.round(_STRETCHES_PER_OCTAVE * np.log2(stretch))
@@ -122,7 +127,7 @@ def kinds(
         [
             np.round(_WIDTHS_PER_OCTAVE * np.log2(width)),
             rung,
-            *np.where(rung > 0, _direction_cell(along).T, 0),
+            *np.where(rung > 0, _nearest_direction(along).T, 0),
             np.where(far > _KNOT_SPACING_M, _MANY_KNOTS, 2) * (chord.length_m > 0),
             again.length_m > 0,
         ],
@@ -144,8 +149,9 @@ def kind_of(row: Int[np.ndarray, "7"]) -> Kind:
     return Kind(footprint, int(row[5]), bool(row[6]))
 
 
-def _direction_cell(along: Float[np.ndarray, "rays 3"]) -> Float[np.ndarray, "rays 3"]:
-    """Of a cube's surface, for a direction is the same forwards and backwards."""
-    cell = np.round(along / _DIRECTION_CELL)
-    first = np.take_along_axis(cell, (cell != 0).argmax(-1)[:, None], axis=-1)
-    return cell * np.sign(first)
+def _nearest_direction(
+    along: Float[np.ndarray, "rays 3"],
+) -> Int[np.ndarray, "rays 3"]:
+    """A direction is the same forwards and backwards."""
+    axes = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=-1, keepdims=True)
+    return _DIRECTIONS[np.abs(along @ axes.T).argmax(-1)]

@@ -39,6 +39,13 @@ class Ellipsoid:
 GRS80 = Ellipsoid(6378137.0, 6356752.31414)
 
 
+def dot(
+    one: Float[np.ndarray, "*#n 3"], other: Float[np.ndarray, "*#n 3"]
+) -> Float[np.ndarray, "*n"]:
+    """The product of vectors; a sum over so short an axis takes three times as long."""
+    return np.einsum("...i,...i->...", one, other)
+
+
 def up(
     latitude_deg: Float[np.ndarray, "*n"], longitude_deg: Float[np.ndarray, "*n"]
 ) -> Float[np.ndarray, "*n 3"]:
@@ -144,7 +151,7 @@ def curvature_radius(
     w2 = 1 - e2 * normal[..., 2] ** 2
     prime_vertical = ellipsoid.semi_major_m / np.sqrt(w2)
     meridian = prime_vertical * (1 - e2) / w2
-    horizontal2 = 1 - np.clip((normal * direction).sum(-1), -1, 1) ** 2
+    horizontal2 = 1 - np.clip(dot(normal, direction), -1, 1) ** 2
     # The eastward part, relative to the horizontal one; both vanish at the poles.
     east = normal[..., 0] * direction[..., 1] - normal[..., 1] * direction[..., 0]
     cos_latitude2 = np.maximum(1 - normal[..., 2] ** 2, 1e-12)
@@ -168,10 +175,11 @@ def intersect(
     squash = np.array([1, 1, ellipsoid.semi_major_m / ellipsoid.semi_minor_m])
     o = origin_m * squash / ellipsoid.semi_major_m
     d = direction * squash
-    d_norm2 = (d * d).sum(-1)
-    closest = -(o * d).sum(-1) / d_norm2
+    d_norm2 = dot(d, d)
+    closest = -dot(o, d) / d_norm2
     # |o + closest d|² is the squared miss distance: no cancellation of big squares.
-    miss2 = ((o + closest[..., None] * d) ** 2).sum(-1)
+    miss = o + closest[..., None] * d
+    miss2 = dot(miss, miss)
     hit = miss2 < 1
     half = np.sqrt(np.where(hit, 1 - miss2, 0) / d_norm2)
     a = ellipsoid.semi_major_m

@@ -8,11 +8,8 @@ the cache, which is too little work for several cores to share: each core has it
 import functools as ft
 import itertools
 import operator as op
-import os
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,6 +23,7 @@ from .rays import Rays
 from .scene import BandRadiances, Sampled, Scene, View, join, navigate, sample
 from .tiling import Sight, batches, some_rays, sorted_by_kind, tiles
 from .transfer import CloudProducts, clear_products, products, radiances
+from .workers import each
 
 
 # Radiances without cloud of the rays of these numbers.
@@ -140,7 +138,7 @@ def prepare(
     jobs = _jobs(
         scene, sight, count, sun_direction, background, weather, resolution, tile
     )
-    found = _each(jobs, lambda job: list(_sampled_tiles(scene, job(), tile)))
+    found = each(jobs, lambda job: list(_sampled_tiles(scene, job(), tile)))
     return Prepared(tuple(itertools.chain.from_iterable(found)), count)
 
 
@@ -269,7 +267,7 @@ def _march(scene, jobs, count, with_products, on_tile=None) -> Image:
         )
 
     canvas, done = _Canvas(count), 0
-    for parts in _each(jobs, march):
+    for parts in each(jobs, march):
         for index, part in parts:
             canvas.paint(index, part)
             done += len(index)
@@ -303,26 +301,6 @@ class _Canvas:
         return jax.tree.unflatten(self.tree, self.leaves)
 
 
-def _each(jobs: Iterable[_Job], work: Callable) -> Iterator:
-    """Results in order, of as many jobs at once as there are cores, and one more."""
-    workers = _workers()
-    waiting: deque = deque()
-    with ThreadPoolExecutor(workers) as pool:
-        for job in jobs:
-            waiting.append(pool.submit(work, job))
-            if len(waiting) > workers:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-
-
-def _workers() -> int:
-    """Other devices than CPUs share out their work themselves."""
-    if jax.default_backend() != "cpu":
-        return 1
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
-
-
 def _default_tile() -> int:
     return 4096 if jax.default_backend() == "cpu" else 1 << 17
 
@@ -342,7 +320,7 @@ def _look(
     scene: Scene,
     sampled: Sampled,
     background: BandRadiances,
-    least: float,
+    least: Float[Array, ""] | float,
     *,
     with_products: bool,
 ):
@@ -404,8 +382,12 @@ def _jobs(
     def leave(index, filled) -> _Batch:
         return _Batch(None, None, background(filled), index)
 
+    textures, footprint = None, None
     for kind, members in sorted_by_kind(scene, sight, count):
-        textures = _once(_make_textures, scene, kind, resolution)
+        # Kinds of one footprint follow each other.
+        if textures is None or kind.footprint != footprint:
+            textures = _once(_make_textures, scene, kind, resolution)
+            footprint = kind.footprint
         work = ft.partial(lay, kind, textures) if kind.knots else leave
         for index, filled in batches(members, tile, _TILES_AT_ONCE):
             yield ft.partial(work, index, filled)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .geodesy import GRS80, Ellipsoid, geodetic, intersect, up
+from .geodesy import GRS80, Ellipsoid, dot, geodetic, intersect, up
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Rays:
         """Root of each pixel's area on the ground; NaN off the Earth."""
         ground, hit = self.ground(ellipsoid)
         vertical = up(ground.latitude_deg, ground.longitude_deg)
-        slant = -(vertical * self.direction).sum(-1)
+        slant = -dot(vertical, self.direction)
         width = self.pixel_rad * ground.distance_m
         return np.where(hit, width / np.sqrt(np.where(hit, slant, 1)), np.nan)
 

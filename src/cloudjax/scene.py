@@ -24,7 +24,7 @@ from .light import AbstractReflection, Scatterers
 from .path import Profile, device_array, points_along
 from .rays import Rays
 from .shadows import Passage, Shades, Shadows, find_shades
-from .shell import chords, second_chords
+from .shell import both_chords
 from .source import AbstractCloudSource
 
 
@@ -221,10 +221,7 @@ def navigate(
     for i, (layer, mask, maps) in enumerate(
         zip(scene.layers, masks or none, displacements or none, strict=True)
     ):
-        found = [chords(rays, layer.cloud.shell)]
-        if twice:
-            found.append(second_chords(rays, layer.cloud.shell))
-        for chord in found:
+        for chord in both_chords(rays, layer.cloud.shell)[: 1 + twice]:
             way = layer.cloud.navigate(
                 rays, chord, mask, maps, knots=knots, footprint=footprint
             )

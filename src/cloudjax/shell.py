@@ -42,25 +42,28 @@ class Chords:
 def chords(rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80) -> Chords:
     """The first chord of each ray through a shell, from wherever the sensor stands.
 
-    The sensor may be above, within or below the shell. A ray that grazes the Earth
-    crosses a hollow shell twice: `second_chords` has the rest.
+    The sensor may be above, within or below the shell.
     """
+    return both_chords(rays, shell, ellipsoid)[0]
+
+
+def both_chords(
+    rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80
+) -> tuple[Chords, Chords]:
+    """The first chords, and what rays that graze the Earth cross beyond the floor."""
     near, far, hits = _cut(rays, ellipsoid.raised(shell.top_m))
     floor_near, floor_far, hits_floor = _cut(rays, ellipsoid.raised(shell.bottom_m))
+    grounded = _meets_ground(rays, ellipsoid)
     below = hits_floor & (floor_near <= 0) & (floor_far > 0)
     start = np.where(below, floor_far, np.maximum(near, 0))
     end = np.where(hits_floor & (floor_near > 0), floor_near, far)
     # From below the shell, the ground hides what lies behind it.
-    seen = hits & ~(below & _meets_ground(rays, ellipsoid))
-    return Chords(start, np.where(seen, np.maximum(end - start, 0), 0))
-
-
-def second_chords(rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80) -> Chords:
-    """What a ray that grazes the Earth crosses again of a shell, beyond its floor."""
-    _, far, hits = _cut(rays, ellipsoid.raised(shell.top_m))
-    floor_near, floor_far, hits_floor = _cut(rays, ellipsoid.raised(shell.bottom_m))
-    seen = hits & hits_floor & (floor_near > 0) & ~_meets_ground(rays, ellipsoid)
-    return Chords(floor_far, np.where(seen, np.maximum(far - floor_far, 0), 0))
+    first = hits & ~(below & grounded)
+    second = hits & hits_floor & (floor_near > 0) & ~grounded
+    return (
+        Chords(start, np.where(first, np.maximum(end - start, 0), 0)),
+        Chords(floor_far, np.where(second, np.maximum(far - floor_far, 0), 0)),
+    )
 
 
 def _cut(rays: Rays, ellipsoid: Ellipsoid):

@@ -9,12 +9,13 @@ from .footprint import Kind, kind_of, kinds
 from .rays import Rays
 from .scene import Scene
 from .shell import Shell
+from .workers import each
 
 
 # The lines of sight of the rays of these numbers.
 Sight = Callable[[Int[np.ndarray, " rays"]], Rays]
 
-_SORTED_AT_ONCE = 1 << 18
+_SORTED_AT_ONCE = 1 << 15
 
 
 def some_rays(sight: Rays | Sight, index: Int[np.ndarray, " some"]) -> Rays:
@@ -33,12 +34,13 @@ def sorted_by_kind(
 
     With `alike`, kinds that differ in their footprint only are told apart.
     """
-    starts = range(0, count, _SORTED_AT_ONCE)
-    parts = (np.arange(i, min(i + _SORTED_AT_ONCE, count)) for i in starts)
     air = _air(scene)
-    rows = np.concatenate(
-        [kinds(some_rays(sight, part), air).astype(np.int16) for part in parts]
-    )
+
+    def rows_from(start: int) -> Int[np.ndarray, "rays 7"]:
+        numbers = np.arange(start, min(start + _SORTED_AT_ONCE, count))
+        return kinds(some_rays(sight, numbers), air).astype(np.int16)
+
+    rows = np.concatenate([*each(range(0, count, _SORTED_AT_ONCE), rows_from)])
     if alike:
         rows[:, 5:] = 2, 0
     else:

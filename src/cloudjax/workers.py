@@ -1,0 +1,32 @@
+"""Work for all cores: numpy and XLA let other threads run."""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import jax
+
+
+Job, Result = TypeVar("Job"), TypeVar("Result")
+
+
+def each(jobs: Iterable[Job], work: Callable[[Job], Result]) -> Iterator[Result]:
+    """Results in order, of as many jobs at once as there are cores, and one more."""
+    workers = _count()
+    waiting: deque = deque()
+    with ThreadPoolExecutor(workers) as pool:
+        for job in jobs:
+            waiting.append(pool.submit(work, job))
+            if len(waiting) > workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def _count() -> int:
+    """Other devices than CPUs share out their work themselves."""
+    if jax.default_backend() != "cpu":
+        return 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
