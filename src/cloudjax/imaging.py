@@ -8,8 +8,8 @@ the cache, which is too little work for several cores to share: each core has it
 import functools as ft
 import itertools
 import operator as op
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .footprint import Kind
+from .footprint import Footprint, Kind
 from .rays import Rays
 from .scene import BandRadiances, Sampled, Scene, View, join, navigate, sample
 from .tiling import Sight, batches, some_rays, sorted_by_kind, tiles
@@ -197,7 +197,7 @@ def sample_rays(
     # All are read as often as the finest, or they could not be joined.
     finest = min((kind for kind, _ in every), key=lambda kind: kind.footprint.spacing_m)
     for kind, members in every:
-        textures = _make_textures(scene, kind, resolution)
+        textures = _make_textures(scene, kind.footprint, resolution)
         for index, filled in tiles(members, tile):
             view = _navigate(scene, rays[filled], sun_direction, weather, finest)
             part = _sample(scene, view, textures)
@@ -382,35 +382,29 @@ def _jobs(
     def leave(index, filled) -> _Batch:
         return _Batch(None, None, background(filled), index)
 
-    textures, footprint = None, None
-    for kind, members in sorted_by_kind(scene, sight, count):
-        # Kinds of one footprint follow each other.
-        if textures is None or kind.footprint != footprint:
-            textures = _once(_make_textures, scene, kind, resolution)
-            footprint = kind.footprint
-        work = ft.partial(lay, kind, textures) if kind.knots else leave
-        for index, filled in batches(members, tile, _TILES_AT_ONCE):
-            yield ft.partial(work, index, filled)
+    every = list(sorted_by_kind(scene, sight, count))
+    with ThreadPoolExecutor(1) as ahead:
+        textures: dict[Footprint, Future] = {}
+        for i, (kind, members) in enumerate(every):
+            # Those of the next kind are made while this one's rays are laid.
+            near = [other.footprint for other, _ in every[i : i + 2] if other.knots]
+            textures = {
+                footprint: textures.get(footprint)
+                or ahead.submit(_make_textures, scene, footprint, resolution)
+                for footprint in near
+            }
+            work = leave
+            if kind.knots:
+                work = ft.partial(lay, kind, textures[kind.footprint].result)
+            for index, filled in batches(members, tile, _TILES_AT_ONCE):
+                yield ft.partial(work, index, filled)
 
 
-def _make_textures(scene: Scene, kind: Kind, resolution: int) -> tuple:
+def _make_textures(scene: Scene, footprint: Footprint, resolution: int) -> tuple:
     """Those of each layer, averaged over a kind of pixel."""
     return tuple(
-        layer.cloud.make_textures(kind.footprint, resolution) for layer in scene.layers
+        layer.cloud.make_textures(footprint, resolution) for layer in scene.layers
     )
-
-
-def _once(work: Callable, *arguments) -> Callable:
-    """Work for whichever thread needs its result first."""
-    lock, results = threading.Lock(), []
-
-    def result():
-        with lock:
-            if not results:
-                results.append(work(*arguments))
-        return results[0]
-
-    return result
 
 
 def _navigate(scene, rays, sun_direction, weather: Weather, kind: Kind) -> View:
