@@ -21,49 +21,43 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from .latlon_grid import AnyArray, LatLonGrid, Scalar, weighted_nodes
+from .angles import angles_deg, latitude_longitude_deg
+from .latlon_grid import AnyArray, LatLonGrid, Scalar
 from .time_stepping import AbstractScheme, RungeKutta4
+from .workers import each
 
 
-Velocity = Callable[[Float[Array, "points 3"], Float[Array, ""]], Array]
+Velocity = Callable[[Float[Array, "3 points"], Float[Array, ""]], Array]
+
+# Points that are carried at once: what they need fits the cache of a CPU core.
+_AT_ONCE = 1 << 14
 
 
 def _dot(a, b):
-    return (
-        a[..., 0:1] * b[..., 0:1] + a[..., 1:2] * b[..., 1:2] + a[..., 2:] * b[..., 2:]
-    )
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+# Component by component: of whole arrays, XLA finds each part anew for each component.
 
 
 def _tangent(points, vectors):
-    return vectors - points * (_dot(points, vectors) / _dot(points, points))
+    along = _dot(points, vectors) / _dot(points, points)
+    return jnp.stack([v - p * along for p, v in zip(points, vectors, strict=True)])
 
 
 def _onto_sphere(points, displacement):
     """The displacement shortened so that it ends at the distance of `points`.
 
     With e = (|p + d|² - |p|²)/|p|² formed from d, nothing cancels when d is small.
+    Components come first.
     """
     xp = np if isinstance(displacement, np.ndarray) else jnp
     e = _dot(2 * points + displacement, displacement) / _dot(points, points)
     # the floor is reached only by a chord through the centre of the Earth
     q = xp.sqrt(xp.maximum(1 + e, 1e-6))
-    return displacement / q - points * (e / (q * (1 + q)))
-
-
-def latitude_longitude_deg(
-    points: Float[AnyArray, "*points 3"],
-) -> tuple[Float[AnyArray, "*points"], Float[AnyArray, "*points"]]:
-    """Geocentric latitude and longitude [degrees] of vectors of any length but zero.
-
-    At a pole the longitude is 0 and its derivatives are 0, not NaN.
-    """
-    xp = np if isinstance(points, np.ndarray) else jnp
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    square = x * x + y * y
-    off_pole = square > 1e-30
-    rho = xp.where(off_pole, xp.sqrt(xp.where(off_pole, square, 1.0)), 0.0)
-    longitude = xp.arctan2(xp.where(off_pole, y, 0.0), xp.where(off_pole, x, 1.0))
-    return xp.rad2deg(xp.arctan2(z, rho)), xp.rad2deg(longitude)
+    less = e / (q * (1 + q))
+    parts = zip(points, displacement, strict=True)
+    return xp.stack([d / q - p * less for p, d in parts])
 
 
 # Winds ------------------------------------------------------------------------------
@@ -76,10 +70,10 @@ class AbstractWind(eqx.Module):
 
     @abc.abstractmethod
     def sampler(self) -> Velocity:
-        """The wind as a function of unit vectors [points, 3] and time [s], in m/s.
+        """The wind as a function of unit vectors [3, points] and time [s], in m/s.
 
         Called once before the time loop: work that all samples share belongs here. The
-        result is Cartesian and tangent to the sphere.
+        result is Cartesian and tangent to the sphere, components first.
         """
 
 
@@ -158,18 +152,25 @@ class Wind(AbstractWind):
 
     def sampler(self) -> Velocity:
         """As `AbstractWind.sampler`."""
-        nodes = self._cartesian_nodes().reshape(-1, 3)
+        # A plane for each component: reads of one are as fast as memory.
+        planes = jnp.moveaxis(self._cartesian_nodes(), -1, 0).reshape(3, -1)
+        nodes = self.grid.shape[0] * self.grid.shape[1]
+
+        def read(corners):
+            return [_weighted(plane, corners) for plane in planes]
 
         def velocity(points, time_s):
-            corners = self.grid.corners(*latitude_longitude_deg(points))
+            corners = self.grid.corners(*angles_deg(*points))
             if self.time_s.size == 1:
-                return _tangent(points, weighted_nodes(nodes, corners))
+                return _tangent(points, read(corners))
             earlier, later_weight = self._bracket(time_s)
-            first = earlier * (self.grid.shape[0] * self.grid.shape[1])
-            second = first + self.grid.shape[0] * self.grid.shape[1]
-            before = weighted_nodes(nodes, [(i + first, w) for i, w in corners])
-            after = weighted_nodes(nodes, [(i + second, w) for i, w in corners])
-            return _tangent(points, before + later_weight * (after - before))
+            first, second = earlier * nodes, (earlier + 1) * nodes
+            before = read([(i + first, w) for i, w in corners])
+            after = read([(i + second, w) for i, w in corners])
+            between = [
+                b + later_weight * (a - b) for b, a in zip(before, after, strict=True)
+            ]
+            return _tangent(points, between)
 
         return velocity
 
@@ -195,8 +196,33 @@ class Wind(AbstractWind):
 DEFAULT_SCHEME = RungeKutta4()
 
 
-@eqx.filter_jit
+def _weighted(plane, corners):
+    return sum(jnp.take(plane, i, mode="clip") * w for i, w in corners)
+
+
 def _displacement(points, wind, start, duration, steps, scheme):
+    """Of unit vectors [points 3], in parts on all cores where nothing is traced."""
+    arguments = wind, start, duration, steps, scheme
+    known = jax.tree.leaves((points, wind, start, duration))
+    whole = len(points) <= _AT_ONCE or jax.default_backend() != "cpu"
+    if whole or any(isinstance(leaf, Tracer) for leaf in known):
+        return _carried(points.T, *arguments).T
+    starts = range(0, len(points), _AT_ONCE)
+    # The last part ends where the points do: all are of one size, compiled once.
+    starts = [min(i, len(points) - _AT_ONCE) for i in starts]
+    moved = np.empty(points.shape, points.dtype)
+
+    def carry(i):
+        part = points[i : i + _AT_ONCE].T
+        moved[i : i + _AT_ONCE] = np.asarray(_carried(part, *arguments)).T
+
+    for _ in each(starts, carry):
+        pass
+    return jnp.asarray(moved)
+
+
+@eqx.filter_jit
+def _carried(points, wind, start, duration, steps, scheme):
     velocity = wind.sampler()
     dtype = points.dtype
     start, duration, radius = (
@@ -288,7 +314,15 @@ class DisplacementMap(eqx.Module):
             points = jnp.asarray(points)
         nodes = self.displacement
         between = self.grid.sample(nodes, *latitude_longitude_deg(points))
-        return _onto_sphere(points, between)
+        return _shortened(points, between)
+
+
+def _shortened(points, displacement):
+    """As `_onto_sphere`, components last."""
+    xp = np if isinstance(displacement, np.ndarray) else jnp
+    known = xp.asarray(points, displacement.dtype)
+    first = (xp.moveaxis(a, -1, 0) for a in (known, displacement))
+    return xp.moveaxis(_onto_sphere(*first), 0, -1)
 
 
 def _global_grid(resolution_deg: float) -> LatLonGrid:
@@ -356,6 +390,6 @@ def propagate(
     recent = _displacement(points, wind, time, -duration_s, steps, scheme)
     middle = points + recent
     before = grid.sample(earlier.displacement, *latitude_longitude_deg(middle))
-    whole = _onto_sphere(points, recent + _onto_sphere(middle, before))
+    whole = _shortened(points, recent + _shortened(middle, before))
     nodes = whole.reshape(*grid.shape, 3)
     return DisplacementMap(nodes, time, earlier.duration_s + duration_s, grid)

@@ -38,7 +38,7 @@ class SolidBody(AbstractWind):
     def sampler(self) -> Velocity:
         axis = jnp.stack([-jnp.sin(self.angle), 0.0 * self.angle, jnp.cos(self.angle)])
         spin = 2 * np.pi * self.radius_m / TURN_S * axis
-        return lambda points, time_s: jnp.cross(spin[None, :], points)
+        return lambda points, time_s: jnp.cross(spin, points.T).T
 
 
 class Stirring(AbstractWind):
@@ -50,9 +50,9 @@ class Stirring(AbstractWind):
         a, b, c = jnp.asarray([[0.3, -0.2, 1.0], [1.0, 0.5, -0.4], [-0.2, 1.0, 0.7]])
 
         def velocity(points, time_s):
-            shear = (points @ b)[:, None] * jnp.cross(c[None, :], points)
+            shear = (b @ points)[None] * jnp.cross(c, points.T).T
             tide = jnp.sin(2 * np.pi * time_s / DAY_S)
-            return 40 * jnp.cross(a[None, :], points) + 60 * (1 + tide) * shear
+            return 40 * jnp.cross(a, points.T).T + 60 * (1 + tide) * shear
 
         return velocity
 
@@ -171,7 +171,7 @@ def test_trajectories_agree_with_diffrax(x64):
         velocity = wind.sampler()
 
         def rate(t, p, args, velocity=velocity):
-            return velocity(p, t) / EARTH_M
+            return velocity(p.T, t).T / EARTH_M
 
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(rate),  # pyright: ignore[reportArgumentType]

@@ -8,9 +8,9 @@ from cloudjax.advection import (
     Wind,
     displace,
     displacement_map,
-    latitude_longitude_deg,
     propagate,
 )
+from cloudjax.angles import latitude_longitude_deg
 from cloudjax.time_stepping import Euler, Heun, RungeKutta4
 
 
@@ -50,15 +50,15 @@ def at(lat, lon):
 
 def test_an_eastward_wind_points_east_and_a_northward_one_north():
     point = at(0.0, np.asarray([0.0, 90.0]))
-    east = uniform(10.0, 0.0).sampler()(point, jnp.zeros(()))
+    east = uniform(10.0, 0.0).sampler()(point.T, jnp.zeros(())).T
     np.testing.assert_allclose(east, [[0, 10, 0], [-10, 0, 0]], atol=1e-5)
-    north = uniform(0.0, 10.0).sampler()(point, jnp.zeros(()))
+    north = uniform(0.0, 10.0).sampler()(point.T, jnp.zeros(())).T
     np.testing.assert_allclose(north, [[0, 0, 10], [0, 0, 10]], atol=1e-5)
 
 
 def test_a_wind_is_tangent_everywhere():
     points = jnp.asarray(HARD_SET, float)
-    velocity = uniform(10.0, -20.0).sampler()(points, jnp.zeros(()))
+    velocity = uniform(10.0, -20.0).sampler()(points.T, jnp.zeros(())).T
     np.testing.assert_allclose(jnp.sum(points * velocity, axis=1), 0, atol=1e-5)
 
 
@@ -68,10 +68,10 @@ def test_a_wind_over_the_pole_has_one_direction():
     phi = np.deg2rad(LAT)[None, :, None]
     east, north = 10 * np.sin(lam) + 0 * phi, 10 * np.cos(lam) * np.sin(phi)
     velocity = Wind(east, north, LAT, LON, radius_m=RADIUS_M).sampler()
-    around = velocity(at(89.99, np.arange(0.0, 360.0, 5.0)), jnp.zeros(()))
+    around = velocity(at(89.99, np.arange(0.0, 360.0, 5.0)).T, jnp.zeros(())).T
     np.testing.assert_allclose(around, [[-10, 0, 0]] * 72, atol=0.02)
     np.testing.assert_allclose(
-        velocity(at(90.0, np.asarray([0.0, 77.0])), jnp.zeros(())),
+        velocity(at(90.0, np.asarray([0.0, 77.0])).T, jnp.zeros(())).T,
         [[-10, 0, 0]] * 2,
         atol=1e-4,
     )
@@ -82,7 +82,7 @@ def test_a_wind_over_the_pole_has_one_direction():
 )
 def test_a_wind_is_linear_between_analyses_and_constant_outside(time, gain):
     wind = uniform(10.0, 0.0, times=(0.0, 3600.0, 14400.0))
-    velocity = wind.sampler()(at(0.0, np.zeros(1)), jnp.asarray(float(time)))
+    velocity = wind.sampler()(at(0.0, np.zeros(1)).T, jnp.asarray(float(time))).T
     np.testing.assert_allclose(velocity, [[0, 10 * gain, 0]], atol=1e-4)
 
 
