@@ -73,7 +73,7 @@ def cores(problem: Problem, context: Context) -> dict:
     every = sorted(os.sched_getaffinity(0))
     context.log(f"scaling: 1 core and {len(every)}")
     sizes = context.sizes
-    case = {"pixels": sizes.scan_pixels[-1], "steps": 12, "layers": 1, "bands": 1}
+    case = {"pixels": sizes.scan_pixels[-1], "steps": 24, "layers": 1, "bands": 1}
     workers = [Worker(load_on, some, problem, [case]) for some in (every[:1], every)]
     for worker in workers:
         worker.run("0")

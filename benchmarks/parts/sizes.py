@@ -43,7 +43,7 @@ class Sizes:
     map_steps: int = 40
     fit_rays: int = 8192
     fit_evaluations: int = 1000
-    scan_pixels: tuple[int, ...] = (250, 350, 500, 700)
+    scan_pixels: tuple[int, ...] = (250, 500, 1000, 1500)
     scan_steps: tuple[int, ...] = (6, 12, 24, 48)
     scan_layers: tuple[int, ...] = (1, 2, 3, 4)
     scan_bands: tuple[int, ...] = (1, 2, 4, 8)

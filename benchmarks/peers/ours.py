@@ -47,7 +47,7 @@ class Marching:
         rays = sight.rays()
         laps.next("rays")
         prepared = prepare(
-            next(iter(self._scenes.values())),
+            max(self._scenes.values(), key=lambda scene: scene.layers[0].steps),
             rays,
             sight.sun,
             sight.behind,

@@ -49,15 +49,14 @@ def _onto_sphere(points, displacement):
     """The displacement shortened so that it ends at the distance of `points`.
 
     With e = (|p + d|² - |p|²)/|p|² formed from d, nothing cancels when d is small.
-    Components come first.
+    Component by component.
     """
-    xp = np if isinstance(displacement, np.ndarray) else jnp
+    xp = np if isinstance(displacement[0], np.ndarray) else jnp
     e = _dot(2 * points + displacement, displacement) / _dot(points, points)
     # the floor is reached only by a chord through the centre of the Earth
     q = xp.sqrt(xp.maximum(1 + e, 1e-6))
     less = e / (q * (1 + q))
-    parts = zip(points, displacement, strict=True)
-    return xp.stack([d / q - p * less for p, d in parts])
+    return [d / q - p * less for p, d in zip(points, displacement, strict=True)]
 
 
 # Winds ------------------------------------------------------------------------------
@@ -238,7 +237,7 @@ def _carried(points, wind, start, duration, steps, scheme):
     @eqx.filter_checkpoint
     def body(displacement, count):
         moved = scheme(rate, displacement, start + count * step, step)
-        return _onto_sphere(points, moved), None
+        return jnp.stack(_onto_sphere(points, moved)), None
 
     counts = jnp.arange(steps, dtype=dtype)
     return jax.lax.scan(body, jnp.zeros_like(points), counts)[0]
@@ -320,9 +319,8 @@ class DisplacementMap(eqx.Module):
 def _shortened(points, displacement):
     """As `_onto_sphere`, components last."""
     xp = np if isinstance(displacement, np.ndarray) else jnp
-    known = xp.asarray(points, displacement.dtype)
-    first = (xp.moveaxis(a, -1, 0) for a in (known, displacement))
-    return xp.moveaxis(_onto_sphere(*first), 0, -1)
+    p, d = ([array[..., i] for i in range(3)] for array in (points, displacement))
+    return xp.stack(_onto_sphere(p, d), axis=-1)
 
 
 def _global_grid(resolution_deg: float) -> LatLonGrid:
@@ -391,5 +389,5 @@ def propagate(
     middle = points + recent
     before = grid.sample(earlier.displacement, *latitude_longitude_deg(middle))
     whole = _shortened(points, recent + _shortened(middle, before))
-    nodes = whole.reshape(*grid.shape, 3)
+    nodes = jnp.asarray(whole).reshape(*grid.shape, 3)
     return DisplacementMap(nodes, time, earlier.duration_s + duration_s, grid)

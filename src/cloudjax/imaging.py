@@ -30,7 +30,7 @@ from .workers import each
 Background = Callable[[Int[np.ndarray, " rays"]], BandRadiances]
 
 # Tiles that are navigated at once: numpy and XLA have a price per call.
-_TILES_AT_ONCE = 8
+_TILES_AT_ONCE = 4
 # Rays that meet cloud less often are clear. Masks leave clear air a chance of 1e-4
 # (`fraction_to_mask`); cover is wrong by this at most.
 LEAST_LIKELIHOOD = 1e-3
@@ -138,7 +138,7 @@ def prepare(
     jobs = _jobs(
         scene, sight, count, sun_direction, background, weather, resolution, tile
     )
-    found = each(jobs, lambda job: list(_sampled_tiles(scene, job(), tile)))
+    found = each(jobs, lambda job: list(_sampled_tiles(scene, job, tile)))
     return Prepared(tuple(itertools.chain.from_iterable(found)), count)
 
 
@@ -175,7 +175,7 @@ def render(
     jobs = _jobs(
         scene, sight, count, sun_direction, background, weather, resolution, tile
     )
-    likely = (lambda job=job: _likely_tiles(scene, job(), tile) for job in jobs)
+    likely = (ft.partial(_likely_tiles, scene, job, tile) for job in jobs)
     return _march(scene, likely, count, with_products, on_tile)
 
 
@@ -206,8 +206,9 @@ def sample_rays(
     return _pick(join(parts), np.argsort(np.concatenate(order)))
 
 
-def _likely_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[_Tile]:
+def _likely_tiles(scene: Scene, job: _Job, size: int) -> Iterator[_Tile]:
     """Of the rays that can meet cloud, and of the rest."""
+    batch = job()
     chance = _chance(scene, batch)
     likely = chance > _least(scene)
     for some, filled in tiles(np.flatnonzero(~likely), size):
@@ -218,8 +219,9 @@ def _likely_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[_Tile]:
         yield _Tile(batch.index[some], find, behind)
 
 
-def _sampled_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[_Tile]:
+def _sampled_tiles(scene: Scene, job: _Job, size: int) -> Iterator[_Tile]:
     """Of all rays, for scenes whose clouds may be anywhere."""
+    batch = job()
     # Those alike together, so that whole tiles are clear.
     order = np.argsort(-_chance(scene, batch), kind="stable")
     for some, filled in tiles(order, size):
@@ -302,7 +304,7 @@ class _Canvas:
 
 
 def _default_tile() -> int:
-    return 4096 if jax.default_backend() == "cpu" else 1 << 17
+    return 8192 if jax.default_backend() == "cpu" else 1 << 17
 
 
 def _unseen(scene: Scene, behind: BandRadiances, with_products: bool):

@@ -297,7 +297,7 @@ def _lowest(spectrum: Complex[Array, "n n m"], n: int, voxels: int):
     return spectrum[..., : half + 1].at[..., half].set(0)
 
 
-def _waves(n: int) -> list[np.ndarray]:
+def _waves(n: int) -> tuple[np.ndarray, ...]:
     """Numbers of waves per period along each axis, on the host.
 
     In a compiled function XLA would take cosines of them anew for each wave.

@@ -114,7 +114,8 @@ def test_a_class_covers_its_cloud_fraction(name):
     covers = []
     for fraction in (0.01, 0.3, 0.6, 0.99):
         mask = jnp.full((columns, 16), fraction_to_mask(jnp.asarray(fraction)))
-        inside = cloud.function(values, mask, z) > 0
+        fractal = cloud.function.fractal(values)
+        inside = cloud.function(fractal, mask, z) > 0
         covers.append(float(inside.any(axis=1).mean()))
     assert covers[0] < 0.15
     assert 0.25 < covers[1] < 0.7
@@ -155,7 +156,7 @@ def test_a_class_makes_its_cloud(tmp_path):
     f = cloud.function
     assert f.weights.tolist() == [1.0, 0.5]
     altitude = jnp.asarray([[20.0, 110.0, 200.0]])
-    still = tuple(jnp.zeros((1, 3)) for _ in f.weights)
+    still = jnp.zeros((1, 3))
     value = f(still, jnp.ones((1, 3)), altitude)[0]
     # Half of a barrier's strength is lost where it stands, e^-3 of each in the middle.
     assert value[1] == pytest.approx(0.9 - 2 * math.exp(-3), abs=1e-5)
