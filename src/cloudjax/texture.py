@@ -200,7 +200,7 @@ def make_texture(
 def _voxels_for(spacing: float, resolution: int) -> int:
     """Per axis, for a spacing in periods: of a few sizes, fast to transform."""
     needed = 1 / max(spacing, 1e-9)
-    sizes = (m * 2**i for i in range(1, 15) for m in (4, 5, 6, 9))
+    sizes = (m * 2**i for i in range(2, 15) for m in (2, 3))
     return min((s for s in sizes if needed <= s < resolution), default=resolution)
 
 

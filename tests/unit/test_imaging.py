@@ -156,7 +156,7 @@ def test_samples_are_in_the_order_of_the_rays():
     found = sample_rays(SCENE, rays, SUN, WEATHER, resolution=N, tile=64)
     rows = kinds(rays, SCENE.layers[0].cloud.shell)
     _, first = np.unique(rows[:, :5], axis=0, return_index=True)
-    assert len(first) > 5
+    assert len(first) > 3
     by_hand = eqx.filter_jit(sample)
     for i in first[:6]:
         kind = kind_of(rows[i])
