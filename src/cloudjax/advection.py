@@ -52,7 +52,8 @@ def _onto_sphere(points, displacement):
     Component by component.
     """
     xp = np if isinstance(displacement[0], np.ndarray) else jnp
-    e = _dot(2 * points + displacement, displacement) / _dot(points, points)
+    twice = [2 * p + d for p, d in zip(points, displacement, strict=True)]
+    e = _dot(twice, displacement) / _dot(points, points)
     # the floor is reached only by a chord through the centre of the Earth
     q = xp.sqrt(xp.maximum(1 + e, 1e-6))
     less = e / (q * (1 + q))
