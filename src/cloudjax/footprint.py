@@ -15,19 +15,19 @@ from .rays import Rays
 from .shell import Shell, both_chords
 
 
-# Widths of one kind agree within a factor of √2. Lengths over widths are 1, up to 1.6,
-# or 2.5, and then directions agree within 36 degrees. Many more kinds gain a tenth of
-# the error (docs/decisions.md).
+# Widths of one kind agree within a factor of √2, lengths over widths within 2, and
+# where these are not 1 directions within 36 degrees. Many more kinds gain nothing,
+# fewer lose (docs/decisions.md).
 _WIDTHS_PER_OCTAVE = 2.0
-_STRETCHES_PER_OCTAVE = 0.75
+_STRETCHES_PER_OCTAVE = 1.0
 _DIRECTIONS = np.array(
     [
         *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
         *((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)),
     ]
 )
-# At the limb a footprint has no end.
-_LONGEST = 3.9
+# At the limb a footprint has no end. 6 times its width is 10 degrees above it.
+_LONGEST = 6.0
 # An average over the whole of the box takes too much of the vertical structure that the
 # ray resolves: measured against many hard rays per pixel (docs/decisions.md).
 _SHARPNESS = 0.8

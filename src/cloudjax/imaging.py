@@ -10,14 +10,14 @@ import itertools
 import operator as op
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .canvas import Canvas
 from .footprint import Footprint, Kind
 from .rays import Rays
 from .scene import BandRadiances, Sampled, Scene, View, join, navigate, sample
@@ -268,7 +268,7 @@ def _march(scene, jobs, count, with_products, on_tile=None) -> Image:
             with_products=with_products,
         )
 
-    canvas, done = _Canvas(count), 0
+    canvas, done = Canvas(count), 0
     for parts in each(jobs, march):
         for index, part in parts:
             canvas.paint(index, part)
@@ -276,31 +276,6 @@ def _march(scene, jobs, count, with_products, on_tile=None) -> Image:
         if on_tile is not None:
             on_tile(done, count)
     return Image(*canvas.painted)
-
-
-@dataclass(eq=False)
-class _Canvas:
-    """Host arrays for all rays, made when it is known of what."""
-
-    rays: int
-    leaves: list[np.ndarray] = field(default_factory=list)
-    tree: Any = None
-
-    def paint(self, index: Int[np.ndarray, " rays"], seen) -> None:
-        """The first rays of `seen`, of which there may be more than numbers."""
-        parts, self.tree = jax.tree.flatten(seen)
-        if not self.leaves:
-            shapes = [(*part.shape[:-1], self.rays) for part in parts]
-            self.leaves = [
-                np.empty(shape, part.dtype)
-                for shape, part in zip(shapes, parts, strict=True)
-            ]
-        for whole, part in zip(self.leaves, parts, strict=True):
-            whole[..., index] = np.asarray(part)[..., : len(index)]
-
-    @property
-    def painted(self):
-        return jax.tree.unflatten(self.tree, self.leaves)
 
 
 def _default_tile() -> int:
