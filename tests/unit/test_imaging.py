@@ -1,5 +1,7 @@
 """Whole images: the same whatever the tiles, and finite everywhere."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -127,6 +129,25 @@ def test_a_prepared_view_shows_other_parameters_of_the_clouds():
     cloudy = prepared.render(threshold(-1.0))
     other = render(threshold(-1.0), rays, SUN, _behind, WEATHER, resolution=N)
     np.testing.assert_array_equal(cloudy.radiances.emissive, other.radiances.emissive)
+
+
+def test_a_prepared_view_may_be_marched_in_fewer_steps():
+    """As if sampled in as many, but for rays whose textures are read at each step."""
+    fewer = eqx.tree_at(
+        lambda s: s.layers, SCENE, tuple(_in_steps(la, 4) for la in SCENE.layers)
+    )
+    rays = _wide()
+    prepared = prepare(SCENE, rays, SUN, _behind, WEATHER, resolution=N)
+    found = prepared.render(fewer).radiances.reflective
+    expected = render(fewer, rays, SUN, _behind, WEATHER, resolution=N)
+    expected = expected.radiances.reflective
+    assert found is not None
+    assert expected is not None
+    assert np.abs(found - expected).mean() < 0.05 * np.std(expected)
+
+
+def _in_steps(layer, steps: int):
+    return dataclasses.replace(layer, steps=steps)
 
 
 def test_rays_left_out_would_have_shown_no_cloud(image, monkeypatch):

@@ -11,6 +11,7 @@ from cloudjax import FixedGrid, Rays, Shell
 from cloudjax.geodesy import ecef, geodetic, up
 from cloudjax.path import (
     Path,
+    Profile,
     along_chord,
     drift_m,
     middles,
@@ -175,3 +176,21 @@ def test_solid_air_is_turned_and_not_strained():
     vertical = up(np.array([0.0, 50.0, -80.0]), np.array([0.0, 100.0, -20.0]))
     found = strain(jnp.asarray(vertical, float), _Turned())
     np.testing.assert_allclose(found, np.broadcast_to(turn, (3, 3, 3)), atol=4e-3)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_straight_profile_is_straight_in_steps_and_anywhere(ends):
+    """Held at 5 points, taken in 8 steps and at parts of the chord."""
+    at = np.linspace(0, 1, 5) if ends else middles(5)
+    profile = Profile(jnp.asarray(3 * at[None] - 1, float), ends)
+    inner = slice(None) if ends else slice(1, -1)
+    steps = profile.in_steps(8)[0, inner]
+    np.testing.assert_allclose(steps, 3 * middles(8)[inner] - 1, atol=1e-6)
+    parts = jnp.asarray([[0.2, 0.5, 0.77]])
+    np.testing.assert_allclose(profile.at(parts), 3 * parts - 1, atol=1e-6)
+
+
+def test_a_profile_in_its_own_steps_is_itself():
+    profile = Profile(jnp.asarray([[1.0, 4.0, 2.0]]))
+    assert profile.in_steps(3) is profile.values
+    np.testing.assert_allclose(profile.at(jnp.asarray([[0.0, 1.0]])), [[1.0, 2.0]])
