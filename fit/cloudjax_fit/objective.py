@@ -35,8 +35,6 @@ COVERAGE_SCALE = 2 * SCALE
 # their place.
 BLOCK_SPREAD = 0.15
 BLOCK_FLOOR = 0.03
-# Whose derivatives are found at once: all that they need fits the cache of a CPU core.
-_RAYS_AT_ONCE = 128 if jax.default_backend() == "cpu" else 1 << 14
 
 
 class Problem(eqx.Module):
@@ -120,7 +118,9 @@ def _with_jacobian(
         return bands, jacobian
 
     rays = jnp.arange(problem.block_of_ray.shape[0])
-    return jax.lax.map(of_ray, rays, batch_size=min(_RAYS_AT_ONCE, len(rays)))
+    # All that so many need fits the cache of a CPU core.
+    at_once = 128 if jax.default_backend() == "cpu" else 1 << 14
+    return jax.lax.map(of_ray, rays, batch_size=min(at_once, len(rays)))
 
 
 def residuals(

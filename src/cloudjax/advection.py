@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .angles import angles_deg, latitude_longitude_deg
-from .latlon_grid import AnyArray, LatLonGrid, Scalar
+from .latlon_grid import AnyArray, LatLonGrid, Scalar, weighted_nodes
 from .time_stepping import AbstractScheme, RungeKutta4
 from .workers import each
 
@@ -157,7 +157,7 @@ class Wind(AbstractWind):
         nodes = self.grid.shape[0] * self.grid.shape[1]
 
         def read(corners):
-            return [_weighted(plane, corners) for plane in planes]
+            return [weighted_nodes(plane, corners) for plane in planes]
 
         def velocity(points, time_s):
             corners = self.grid.corners(*angles_deg(*points))
@@ -194,10 +194,6 @@ class Wind(AbstractWind):
 
 
 DEFAULT_SCHEME = RungeKutta4()
-
-
-def _weighted(plane, corners):
-    return sum(jnp.take(plane, i, mode="clip") * w for i, w in corners)
 
 
 def _displacement(points, wind, start, duration, steps, scheme):

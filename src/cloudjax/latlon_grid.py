@@ -179,13 +179,14 @@ class LatLonGrid(eqx.Module):
 
 
 def weighted_nodes(
-    flat: Float[AnyArray, "nodes channels"],
+    flat: Float[AnyArray, "nodes *channels"],
     corners: list[tuple[Int[AnyArray, "*points"], Float[AnyArray, "*points"]]],
-) -> Float[AnyArray, "*points channels"]:
+) -> Float[AnyArray, "..."]:
     """Sum of weight times node over the `corners` that `LatLonGrid.corners` found."""
     xp = np if isinstance(flat, np.ndarray) else jnp
     terms = [
-        xp.take(flat, index, axis=0, mode="clip") * weight[..., None]
+        xp.take(flat, index, axis=0, mode="clip")
+        * weight.reshape(weight.shape + (1,) * (flat.ndim - 1))
         for index, weight in corners
     ]
     return terms[0] + terms[1] + terms[2] + terms[3]
