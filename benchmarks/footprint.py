@@ -38,7 +38,7 @@ from cloudjax import (
     render,
     sample,
 )
-from cloudjax.geodesy import GRS80, ecef, intersect
+from cloudjax.geometry.geodesy import GRS80, ecef, intersect
 
 
 SEEDS = 8

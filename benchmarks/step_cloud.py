@@ -29,7 +29,7 @@ from cloudjax import (
     radiances,
     sample,
 )
-from cloudjax.geodesy import ecef
+from cloudjax.geometry.geodesy import ecef
 
 
 COLUMNS, WIDE_M, SHELL = 32, 500.0, Shell(1000.0, 1250.0)

@@ -23,13 +23,18 @@ from matplotlib.figure import Figure
 from cloudjax import Scene, render
 from cloudjax_data import sun_direction
 from cloudjax_fit.embedded import embedded_target
+from cloudjax_fit.fitted_scene import (
+    background,
+    build_scene,
+    scene_parameters,
+    weather_of,
+)
 from cloudjax_fit.fitting import SimulatedImage, simulate_image, versions
 from cloudjax_fit.histogram import distances
-from cloudjax_fit.model import background, build_scene, scene_parameters, weather_of
 from cloudjax_fit.objective import pose
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
-from cloudjax_fit.solve import Solver
-from cloudjax_fit.target import Target
+from cloudjax_fit.solver import Solver
+from cloudjax_fit.targets import Target
 
 
 RAYS = (1024, 2048, 4096, 8192)

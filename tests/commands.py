@@ -2,7 +2,7 @@
 
 from click.testing import CliRunner, Result
 
-from cloudjax_fit.cli import main
+from cloudjax_cli import main
 
 
 def run(*arguments: object) -> Result:

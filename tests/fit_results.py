@@ -6,7 +6,7 @@ import numpy as np
 
 from cloudjax_fit.fitting import FitResult, FitSettings, SimulatedImage
 from cloudjax_fit.histogram import distances
-from cloudjax_fit.prepare import Run
+from cloudjax_fit.scene_run import Run
 from cloudjax_fit.settings import scene_of
 from cloudjax_fit.uncertainty import Estimate
 

@@ -11,7 +11,7 @@ import numpy as np
 import pyproj
 
 from cloudjax import FractalCloud, Rays
-from cloudjax.shell import chords
+from cloudjax.geometry.shells import chords
 
 
 _CARTESIAN = pyproj.Transformer.from_pipeline("+proj=cart +ellps=GRS80")

@@ -27,7 +27,7 @@ from cloudjax import (
     radiances,
     sample,
 )
-from cloudjax.geodesy import ecef
+from cloudjax.geometry.geodesy import ecef
 
 
 GEOSTATIONARY_M = np.array([42164160.0, 0.0, 0.0])

@@ -13,12 +13,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from cloudjax_data import ReflectiveCalibration, open_folder
+from cloudjax_fit.fitted_scene import build_scene, scene_parameters
 from cloudjax_fit.fitting import simulate_image
-from cloudjax_fit.model import build_scene, scene_parameters
 from cloudjax_fit.objective import Problem, pose
 from cloudjax_fit.observation import observe
 from cloudjax_fit.parameters import Parameter, put_all, with_overrides
-from cloudjax_fit.target import Target
+from cloudjax_fit.targets import Target
 from tests.generated import default_calibration, window, write_abi_l1b
 
 

@@ -21,10 +21,10 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Rectangle
 
 from cloudjax import Camera, FixedGrid
-from cloudjax_fit.sensor_band import nominal_bands
-from cloudjax_fit.sensor_file import Sensor
-from cloudjax_fit.sensor_image import SensorImage, render_sensor
-from cloudjax_fit.world import World, open_world
+from cloudjax_scenes.sensor_band import nominal_bands
+from cloudjax_scenes.sensor_image import SensorImage, render_sensor
+from cloudjax_scenes.sensors import Sensor
+from cloudjax_scenes.weather_scene import World, open_world
 
 
 LARGEST_BYTES = 250_000

@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from cloudjax import rayleigh
-from cloudjax.gases import CONTINUUM_K, LEVELS_M, LIGHTNESS, airmass
-from cloudjax.rayleigh import SEA_LEVEL_HPA
+from cloudjax.air.clear_air import rayleigh
+from cloudjax.air.gases import CONTINUUM_K, LEVELS_M, LIGHTNESS, airmass
+from cloudjax.air.rayleigh import SEA_LEVEL_HPA
 
 
 SUN_K, AIR_K = 5772.0, 265.0

@@ -13,8 +13,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cloudjax_fit.band_image import BandImage
-from cloudjax_fit.prepare import prepare
+from cloudjax_fit.scene_run import prepare
+from cloudjax_scenes.band_image import BandImage
 
 
 BANDS = (3, 13)

@@ -14,8 +14,8 @@ from matplotlib import pyplot as plt
 
 from cloudjax import cloud_classes
 from cloudjax_data import read_weather
-from cloudjax_fit.analysis import Analysis
-from cloudjax_fit.surface import Surface
+from cloudjax_scenes.surface import Surface
+from cloudjax_scenes.weather_analysis import Analysis
 
 
 def main(gfs: Path, png: Path) -> None:

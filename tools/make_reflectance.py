@@ -21,10 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from cloudjax.emulator import Network
-from cloudjax.light import slab
-from cloudjax.phase import AbstractPhase, DoubleHenyeyGreenstein, HenyeyGreenstein
-from cloudjax.reflectance import PlaneParallel
+from cloudjax.light.emulator import Network
+from cloudjax.light.phase import AbstractPhase, DoubleHenyeyGreenstein, HenyeyGreenstein
+from cloudjax.light.reflectance import PlaneParallel
+from cloudjax.light.reflection import slab
 
 
 TABLE = Path(__file__).parents[1] / "src/cloudjax/reflectance.npz"

@@ -9,9 +9,10 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
+from cloudjax.workers import Worker, in_turns, median_seconds
+
 from .sizes import Context
 from .text import table
-from .workers import Worker, in_turns, median_seconds
 
 
 COUNT = 14
@@ -86,7 +87,7 @@ def load(mode: str, rays: int) -> dict[str, Callable]:
 def make_problem(rays: int):
     """The fit of the embedded scene with the parameters of the clouds' shapes."""
     from cloudjax_fit.embedded import embedded_target
-    from cloudjax_fit.model import build_scene, scene_parameters
+    from cloudjax_fit.fitted_scene import build_scene, scene_parameters
     from cloudjax_fit.objective import pose
 
     target = embedded_target()

@@ -63,7 +63,7 @@ def low_cloud_fraction(generated: bool) -> tuple[np.ndarray, str]:
             "The weather mask is generated: set CLOUDJAX_DATA to a folder with "
             f"{GFS} for that of GFS."
         )
-    from cloudjax_fit.world import open_world
+    from cloudjax_scenes.weather_scene import open_world
 
     world = open_world(files)
     start = world.series.times[0]

@@ -10,9 +10,10 @@ import jax
 import numpy as np
 from scipy.optimize import least_squares
 
+from cloudjax.workers import Worker
+
 from .sizes import Context
 from .text import table
-from .workers import Worker
 
 
 # Of a parameter, on its prior's scale: residuals in float32 hide smaller changes.
@@ -38,7 +39,7 @@ def run(context: Context) -> dict:
 
 def _pose(rays: int):
     from cloudjax_fit.embedded import embedded_target
-    from cloudjax_fit.model import build_scene, scene_parameters
+    from cloudjax_fit.fitted_scene import build_scene, scene_parameters
     from cloudjax_fit.objective import pose
     from cloudjax_fit.parameters import unbounded_of
 
@@ -50,7 +51,7 @@ def _pose(rays: int):
 
 
 def load_ours(rays: int, _: int) -> dict[str, Callable]:
-    from cloudjax_fit.solve import Solver
+    from cloudjax_fit.solver import Solver
 
     problem, z = _pose(rays)
     solvers = []
@@ -74,7 +75,7 @@ class _Enough(Exception):
 
 def load_scipy(rays: int, most: int) -> dict[str, Callable]:
     from cloudjax_fit.objective import residuals
-    from cloudjax_fit.solve import TOLERANCE
+    from cloudjax_fit.solver import TOLERANCE
 
     problem, z = _pose(rays)
     compiled = jax.jit(residuals)

@@ -10,7 +10,7 @@ from .text import table
 
 
 COMMANDS = {
-    "cloudjax --help": "from cloudjax_fit.cli import main; main(['--help'])",
+    "cloudjax --help": "from cloudjax_cli import main; main(['--help'])",
     "python -c 'import cloudjax'": "import cloudjax",
     "python -c 'pass'": "pass",
 }

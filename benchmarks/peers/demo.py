@@ -7,7 +7,7 @@ import numpy as np
 from cloudjax import BandRadiances, Latent, MaskGrid, Rays, Scene, Weather
 from cloudjax_data import sun_direction
 from cloudjax_fit.embedded import embedded_target
-from cloudjax_fit.model import background, build_scene, weather_of
+from cloudjax_fit.fitted_scene import background, build_scene, weather_of
 
 from .ours import Sight
 from .problem import clouds_of

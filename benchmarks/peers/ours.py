@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from cloudjax import BandRadiances, Rays, Scene, Weather
-from cloudjax.imaging import Prepared, prepare
+from cloudjax.image.render import Prepared, prepare
 
 from .problem import SUN, Problem, dark
 

@@ -23,7 +23,7 @@ from cloudjax import (
     cloud_classes,
     make_texture,
 )
-from cloudjax.geodesy import up
+from cloudjax.geometry.geodesy import up
 
 from .work import Clouds, Mask, Work
 

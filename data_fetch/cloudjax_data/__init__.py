@@ -2,9 +2,14 @@
 
 from .abi import AbiBand as AbiBand
 from .abi import read_band as read_band
+from .abi_scene import AbiScene as AbiScene
+from .abi_scene import to_dataset as to_dataset
 from .calibration import Calibration as Calibration
 from .calibration import EmissiveCalibration as EmissiveCalibration
 from .calibration import ReflectiveCalibration as ReflectiveCalibration
+from .download import Fetched as Fetched
+from .download import Progress as Progress
+from .download import fetch as fetch
 from .errors import DataError as DataError
 from .fetch_gfs import GfsPlan as GfsPlan
 from .fetch_gfs import plan_gfs as plan_gfs
@@ -20,17 +25,12 @@ from .fixed_grid import fixed_grid_coordinates as fixed_grid_coordinates
 from .humidity import specific_humidity as specific_humidity
 from .lambert import LambertConic as LambertConic
 from .object_store import Link as Link
-from .scene import AbiScene as AbiScene
-from .scene import to_dataset as to_dataset
 from .scene_folder import SceneFolder as SceneFolder
 from .scene_folder import open_folder as open_folder
 from .sun import earth_sun_distance_au as earth_sun_distance_au
 from .sun import sun_direction as sun_direction
-from .transfer import Fetched as Fetched
-from .transfer import Progress as Progress
-from .transfer import fetch as fetch
-from .weather import WeatherCube as WeatherCube
-from .weather import check_altitude as check_altitude
-from .weather import check_time as check_time
-from .weather import read_weather as read_weather
+from .weather_cube import WeatherCube as WeatherCube
+from .weather_cube import check_altitude as check_altitude
+from .weather_cube import check_time as check_time
+from .weather_cube import read_weather as read_weather
 from .weather_series import WeatherSeries as WeatherSeries

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
+from .abi_scene import SAME_SCAN
 from .buckets import (
     PRODUCTS,
     RADIANCES,
@@ -18,7 +19,6 @@ from .errors import DataError
 from .fetch_item import AbiItem
 from .object_store import Bucket, Link, Listed
 from .satellites import in_utc, satellite_at
-from .scene import SAME_SCAN
 
 
 # The longest repeat of a full disk, in ABI's mode 3: no scan is further away.

@@ -10,10 +10,10 @@ from typing import Any
 
 from .abi import read_band
 from .abi_name import AbiName, parse_abi_name
+from .abi_scene import SAME_SCAN, AbiScene
 from .errors import DataError
 from .manifest import MANIFEST
 from .packed import netcdf_file
-from .scene import SAME_SCAN, AbiScene
 
 
 SETTINGS = "scene.toml"

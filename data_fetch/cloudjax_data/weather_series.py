@@ -10,7 +10,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from .errors import DataError
-from .weather import WeatherCube
+from .weather_cube import WeatherCube
 
 
 # Of a degree: grids differ by rounding only.

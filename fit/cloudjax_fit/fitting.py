@@ -12,10 +12,9 @@ from jaxtyping import Float
 
 from cloudjax import Scene, render
 from cloudjax_data import sun_direction
+from cloudjax_scenes.weather_analysis import Analysis
 
-from .analysis import Analysis
-from .histogram import Distances, distances
-from .model import (
+from .fitted_scene import (
     DEFAULT_LIGHT,
     background,
     build_scene,
@@ -23,10 +22,11 @@ from .model import (
     scene_parameters,
     weather_of,
 )
+from .histogram import Distances, distances
 from .objective import pose
 from .parameters import Parameter, put_all, unbounded_of, values_of, with_overrides
-from .solve import OnStep, Solution, Solver
-from .target import Target
+from .solver import OnStep, Solution, Solver
+from .targets import Target
 from .uncertainty import Estimate, estimate
 
 

@@ -14,13 +14,13 @@ from jaxtyping import Array, Float, Int
 
 from cloudjax import BandRadiances, Sampled, Scene, radiances, sample_rays
 from cloudjax_data import sun_direction
+from cloudjax_scenes.cloud_rule import CloudRule
+from cloudjax_scenes.weather_analysis import Analysis
 
-from .analysis import Analysis
+from .fitted_scene import background, weather_of
 from .histogram import Bins, cumulative, spline_histogram
-from .model import background, weather_of
 from .parameters import Parameter, put_all, values_of
-from .selection import CloudRule
-from .target import Target, block_of_pixels
+from .targets import Target, block_of_pixels
 
 
 # A residual of 1 is a difference of 1/SCALE between the cumulative histograms, what

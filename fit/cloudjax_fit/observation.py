@@ -7,8 +7,8 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter
 
 from cloudjax import FixedGrid, cloud_classes
-from cloudjax.atmosphere import temperature_k
-from cloudjax.geodesy import Ellipsoid, geodetic, intersect, up
+from cloudjax.air.atmosphere import temperature_k
+from cloudjax.geometry.geodesy import Ellipsoid, geodetic, intersect, up
 from cloudjax_data import (
     AbiBand,
     AbiScene,
@@ -17,11 +17,11 @@ from cloudjax_data import (
     earth_sun_distance_au,
     sun_direction,
 )
+from cloudjax_scenes.cloud_rule import CloudRule, default_rule
+from cloudjax_scenes.sensor_band import nominal_bands
 
 from .histogram import quantiles
-from .selection import CloudRule, default_rule
-from .sensor_band import nominal_bands
-from .target import BINS, BandTarget, Target, block_of_pixels
+from .targets import BINS, BandTarget, Target, block_of_pixels
 
 
 # Cells of the grid of fractions are this many pixels wide, and no narrower than this.

@@ -14,7 +14,7 @@ import tomli_w
 
 from cloudjax_data import DataError
 
-from .model import LIGHTS
+from .fitted_scene import LIGHTS
 
 
 LIGHT = "light_strategy"

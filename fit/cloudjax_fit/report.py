@@ -20,12 +20,13 @@ import jinja2
 import numpy as np
 from jaxtyping import Num
 
-from . import figures
+from cloudjax_fit import figures
+from cloudjax_scenes.quantity import RADIANCE, Quantity
+
+from .comparison import BandComparison, Comparison, comparison_json
 from .condensate import Condensate
 from .figures import Curve, Display, Stroke
 from .histogram import Distances, Pixels, Quantiles, sample_of
-from .quantity import RADIANCE, Quantity
-from .radiances import BandComparison, Comparison, comparison_json
 
 
 Image: TypeAlias = Num[np.ndarray, "_ _"]

@@ -24,14 +24,14 @@ import numpy as np
 
 from cloudjax import Scene
 from cloudjax_data import DataError
+from cloudjax_scenes.cloud_rule import BRIGHT, COLD_K, CloudRule, default_rule
+from cloudjax_scenes.sensor_band import nominal_bands
+from cloudjax_scenes.weather_analysis import Analysis
 
-from .analysis import Analysis
+from .fitted_scene import DEFAULT_LIGHT, LIGHTS, build_scene, scene_parameters
 from .fitting import FitSettings
-from .model import DEFAULT_LIGHT, LIGHTS, build_scene, scene_parameters
 from .parameters import Parameter, with_overrides
-from .selection import BRIGHT, COLD_K, CloudRule, default_rule
-from .sensor_band import nominal_bands
-from .target import BandTarget, Target
+from .targets import BandTarget, Target
 
 
 _FIT_KEYS = tuple(f.name for f in dataclasses.fields(FitSettings))

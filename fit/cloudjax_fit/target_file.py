@@ -10,12 +10,12 @@ import xarray as xr
 
 from cloudjax import Ellipsoid, FixedGrid
 from cloudjax_data import DataError
+from cloudjax_scenes.cloud_rule import CloudRule
+from cloudjax_scenes.netcdf import write_netcdf
+from cloudjax_scenes.whole_files import staged
 
 from .histogram import Quantiles
-from .netcdf import write_netcdf
-from .selection import CloudRule
-from .staging import staged
-from .target import BandTarget, Target
+from .targets import BandTarget, Target
 
 
 _KIND = "cloudjax fit target"

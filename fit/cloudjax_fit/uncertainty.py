@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 from .objective import COVERAGE_SCALE, SCALE, Problem, residuals, simulate
 from .parameters import Parameter, values_of
-from .target import Target
+from .targets import Target
 
 
 RESAMPLES = 400

@@ -2,156 +2,156 @@
 
 import importlib.metadata
 
-from .advection import (
-    DisplacementMap as DisplacementMap,
-)
-from .advection import (
-    Wind as Wind,
-)
-from .advection import (
-    displace as displace,
-)
-from .advection import (
-    displacement_map as displacement_map,
-)
-from .advection import (
-    propagate as propagate,
-)
-from .air import Air as Air
-from .atmosphere import (
+from .air.atmosphere import (
     AbstractTemperature as AbstractTemperature,
 )
-from .atmosphere import (
+from .air.atmosphere import (
     StandardAtmosphere as StandardAtmosphere,
 )
-from .atmosphere import (
+from .air.atmosphere import (
     TemperatureProfile as TemperatureProfile,
 )
-from .bands import (
-    EmissiveBands as EmissiveBands,
-)
-from .bands import (
-    ReflectiveBands as ReflectiveBands,
-)
-from .camera import Camera as Camera
-from .cloud import (
+from .air.clear_air import Air as Air
+from .clouds.classes import ClassTexture as ClassTexture
+from .clouds.classes import CloudClass as CloudClass
+from .clouds.classes import cloud_classes as cloud_classes
+from .clouds.classes import load_classes as load_classes
+from .clouds.cloud_function import CloudFunction as CloudFunction
+from .clouds.fractal import (
     FractalCloud as FractalCloud,
 )
-from .cloud import (
+from .clouds.fractal import (
     Latent as Latent,
 )
-from .cloud_class import ClassTexture as ClassTexture
-from .cloud_class import CloudClass as CloudClass
-from .cloud_class import cloud_classes as cloud_classes
-from .cloud_class import load_classes as load_classes
-from .cloud_function import CloudFunction as CloudFunction
-from .emission import EmittingSlabs as EmittingSlabs
-from .fixed_grid import FixedGrid as FixedGrid
-from .footprint import POINT as POINT
-from .footprint import Footprint as Footprint
-from .geodesy import GRS80 as GRS80
-from .geodesy import Ellipsoid as Ellipsoid
-from .gridded import GriddedCloud as GriddedCloud
-from .imaging import (
-    Image as Image,
-)
-from .imaging import (
-    Prepared as Prepared,
-)
-from .imaging import (
-    Weather as Weather,
-)
-from .imaging import (
-    prepare as prepare,
-)
-from .imaging import (
-    render as render,
-)
-from .imaging import (
-    sample_rays as sample_rays,
-)
-from .latlon_grid import LatLonGrid as LatLonGrid
-from .light import AbstractReflection as AbstractReflection
-from .light import Illumination as Illumination
-from .light import Scatterers as Scatterers
-from .light import Slabs as Slabs
-from .light import TwoFlux as TwoFlux
-from .optics import ICE as ICE
-from .optics import WATER as WATER
-from .optics import Particles as Particles
-from .optics import ice as ice
-from .optics import water as water
-from .phase import (
-    AbstractPhase as AbstractPhase,
-)
-from .phase import (
-    CornetteShanks as CornetteShanks,
-)
-from .phase import (
-    DoubleHenyeyGreenstein as DoubleHenyeyGreenstein,
-)
-from .phase import (
-    HenyeyGreenstein as HenyeyGreenstein,
-)
-from .rays import Rays as Rays
-from .reflectance import PlaneParallel as PlaneParallel
-from .scene import (
-    BandRadiances as BandRadiances,
-)
-from .scene import (
-    Layer as Layer,
-)
-from .scene import (
-    Sampled as Sampled,
-)
-from .scene import (
-    Scene as Scene,
-)
-from .scene import (
-    View as View,
-)
-from .scene import (
-    navigate as navigate,
-)
-from .scene import (
-    sample as sample,
-)
-from .shadows import Shadows as Shadows
-from .shell import Shell as Shell
-from .source import AbstractCloudSource as AbstractCloudSource
-from .source import Occupancy as Occupancy
-from .source import Slopes as Slopes
-from .texture import (
+from .clouds.gridded import GriddedCloud as GriddedCloud
+from .clouds.source import AbstractCloudSource as AbstractCloudSource
+from .clouds.source import Occupancy as Occupancy
+from .clouds.source import Slopes as Slopes
+from .clouds.texture import (
     InvertedWorley as InvertedWorley,
 )
-from .texture import (
+from .clouds.texture import (
     Perlin as Perlin,
 )
-from .texture import (
+from .clouds.texture import (
     Texture as Texture,
 )
-from .texture import (
+from .clouds.texture import (
     make_texture as make_texture,
 )
-from .transfer import (
+from .geometry.camera import Camera as Camera
+from .geometry.fixed_grid import FixedGrid as FixedGrid
+from .geometry.footprint import POINT as POINT
+from .geometry.footprint import Footprint as Footprint
+from .geometry.geodesy import GRS80 as GRS80
+from .geometry.geodesy import Ellipsoid as Ellipsoid
+from .geometry.latlon_grid import LatLonGrid as LatLonGrid
+from .geometry.rays import Rays as Rays
+from .geometry.shells import Shell as Shell
+from .image.render import (
+    Image as Image,
+)
+from .image.render import (
+    Prepared as Prepared,
+)
+from .image.render import (
+    Weather as Weather,
+)
+from .image.render import (
+    prepare as prepare,
+)
+from .image.render import (
+    render as render,
+)
+from .image.render import (
+    sample_rays as sample_rays,
+)
+from .light.bands import (
+    EmissiveBands as EmissiveBands,
+)
+from .light.bands import (
+    ReflectiveBands as ReflectiveBands,
+)
+from .light.emission import EmittingSlabs as EmittingSlabs
+from .light.optics import ICE as ICE
+from .light.optics import WATER as WATER
+from .light.optics import Particles as Particles
+from .light.optics import ice as ice
+from .light.optics import water as water
+from .light.phase import (
+    AbstractPhase as AbstractPhase,
+)
+from .light.phase import (
+    CornetteShanks as CornetteShanks,
+)
+from .light.phase import (
+    DoubleHenyeyGreenstein as DoubleHenyeyGreenstein,
+)
+from .light.phase import (
+    HenyeyGreenstein as HenyeyGreenstein,
+)
+from .light.reflectance import PlaneParallel as PlaneParallel
+from .light.reflection import AbstractReflection as AbstractReflection
+from .light.reflection import Illumination as Illumination
+from .light.reflection import Scatterers as Scatterers
+from .light.reflection import Slabs as Slabs
+from .light.reflection import TwoFlux as TwoFlux
+from .march.radiances import (
     CloudProducts as CloudProducts,
 )
-from .transfer import (
+from .march.radiances import (
     products as products,
 )
-from .transfer import (
+from .march.radiances import (
     radiances as radiances,
 )
-from .weather import (
+from .march.scene import (
+    BandRadiances as BandRadiances,
+)
+from .march.scene import (
+    Layer as Layer,
+)
+from .march.scene import (
+    Sampled as Sampled,
+)
+from .march.scene import (
+    Scene as Scene,
+)
+from .march.scene import (
+    View as View,
+)
+from .march.scene import (
+    navigate as navigate,
+)
+from .march.scene import (
+    sample as sample,
+)
+from .march.shadows import Shadows as Shadows
+from .weather.advection import (
+    DisplacementMap as DisplacementMap,
+)
+from .weather.advection import (
+    Wind as Wind,
+)
+from .weather.advection import (
+    displace as displace,
+)
+from .weather.advection import (
+    displacement_map as displacement_map,
+)
+from .weather.advection import (
+    propagate as propagate,
+)
+from .weather.masks import (
     Conditions as Conditions,
 )
-from .weather import (
+from .weather.masks import (
     MaskGrid as MaskGrid,
 )
-from .weather import (
+from .weather.masks import (
     cloud_fraction as cloud_fraction,
 )
-from .weather import (
+from .weather.masks import (
     fraction_to_mask as fraction_to_mask,
 )
 

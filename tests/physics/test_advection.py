@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax.advection import (
+from cloudjax.weather.advection import (
     AbstractWind,
     Velocity,
     Wind,
@@ -14,8 +14,8 @@ from cloudjax.advection import (
     displacement_map,
     propagate,
 )
-from cloudjax.time_stepping import Euler, Heun, RungeKutta4
-from cloudjax.weather import Scalar
+from cloudjax.weather.masks import Scalar
+from cloudjax.weather.time_stepping import Euler, Heun, RungeKutta4
 
 
 EARTH_M = 6.37122e6

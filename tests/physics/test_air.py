@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from cloudjax import BandRadiances, StandardAtmosphere, TemperatureProfile
-from cloudjax.air import Air
-from cloudjax.atmosphere import pressure_pa, temperature_k
-from cloudjax.gases import (
+from cloudjax.air.atmosphere import pressure_pa, temperature_k
+from cloudjax.air.clear_air import Air
+from cloudjax.air.gases import (
     LEVELS_M,
     airmass,
     columns,
@@ -15,7 +15,7 @@ from cloudjax.gases import (
     standard_depth,
     standard_humidity,
 )
-from cloudjax.geodesy import ecef
+from cloudjax.geometry.geodesy import ecef
 from tests.helpers import (
     emissive_bands,
     fractal_cloud,

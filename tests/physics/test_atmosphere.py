@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax.atmosphere import (
+from cloudjax.air.atmosphere import (
     AbstractTemperature,
     StandardAtmosphere,
     TemperatureProfile,

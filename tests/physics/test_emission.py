@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cloudjax import EmittingSlabs, PlaneParallel, Shell, TemperatureProfile, ice, water
-from cloudjax.light import Scatterers
-from cloudjax.optics import effective_share
+from cloudjax.light.optics import effective_share
+from cloudjax.light.reflection import Scatterers
 from tests.helpers import (
     emissive_bands,
     fractal_cloud,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cloudjax import POINT
-from cloudjax.march import first_surface, march
-from cloudjax.shell import chords
+from cloudjax.geometry.shells import chords
+from cloudjax.march.march import first_surface, march
 from tests import hard_reference
 from tests.helpers import fractal_cloud, geostationary_rays
 

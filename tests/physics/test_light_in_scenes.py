@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cloudjax import PlaneParallel, Rays, Scene, Shell, Slabs
-from cloudjax.geodesy import ecef, up
-from cloudjax.phase import HenyeyGreenstein
+from cloudjax.geometry.geodesy import ecef, up
+from cloudjax.light.phase import HenyeyGreenstein
 from tests.helpers import (
     fractal_cloud,
     layer,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cloudjax import POINT, BandRadiances, Rays, Shell, render
-from cloudjax.geodesy import ecef, geodetic, up
-from cloudjax.march import first_surface, march
-from cloudjax.shell import chords
+from cloudjax.geometry.geodesy import ecef, geodetic, up
+from cloudjax.geometry.shells import chords
+from cloudjax.march.march import first_surface, march
 from tests.helpers import (
     GEOSTATIONARY_M,
     arrays,

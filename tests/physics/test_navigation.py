@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cloudjax import POINT, FixedGrid, Rays, Shell
-from cloudjax.geodesy import ecef, up
-from cloudjax.shell import chords
+from cloudjax.geometry.geodesy import ecef, up
+from cloudjax.geometry.shells import chords
 from tests.helpers import fractal_cloud, rays_to
 
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax.optics import ICE, WATER, Particles, ice, water
+from cloudjax.light.optics import ICE, WATER, Particles, ice, water
 
 
 DOCUMENT = Path(__file__).parents[2] / "docs/optics.md"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cloudjax import Rays, Scene, Shell, TemperatureProfile
-from cloudjax.geodesy import ecef, geodetic, up
-from cloudjax.shell import chords
+from cloudjax.geometry.geodesy import ecef, geodetic, up
+from cloudjax.geometry.shells import chords
 from tests.helpers import (
     emissive_bands,
     fractal_cloud,

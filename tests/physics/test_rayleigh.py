@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import rayleigh
-from cloudjax.gases import scattering_depth
+from cloudjax.air.clear_air import rayleigh
+from cloudjax.air.gases import scattering_depth
 from tests.helpers import numbers
 
 

@@ -17,7 +17,7 @@ from cloudjax import (
     HenyeyGreenstein,
     PlaneParallel,
 )
-from cloudjax.reflectance import first_order
+from cloudjax.light.reflectance import first_order
 
 
 TABLE = Path(__file__).with_name("disort_slabs.csv")

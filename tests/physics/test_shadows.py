@@ -18,7 +18,7 @@ from cloudjax import (
     Shell,
     Slabs,
 )
-from cloudjax.geodesy import ecef
+from cloudjax.geometry.geodesy import ecef
 from tests.helpers import (
     fractal_cloud,
     layer,

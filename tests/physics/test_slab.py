@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from cloudjax.light import slab
+from cloudjax.light.reflection import slab
 
 
 DEPTHS = np.array([1e-6, 0.01, 0.3, 1.0, 3.0, 10.0])

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from cloudjax_fit.cli import main
+from cloudjax_cli import main
 from cloudjax_fit.fitting import FitSettings
-from cloudjax_fit.prepare import Run, prepare
+from cloudjax_fit.scene_run import Run, prepare
 from tests.commands import run, sentence_of
 from tests.fit_results import made_up_result
 from tests.generated import SCAN_START
@@ -47,7 +47,7 @@ def no_solver(monkeypatch):
             on_step(1, 5.0)
         return made_up_result(calls.run)
 
-    monkeypatch.setattr("cloudjax_fit.cli.fitting.fit", fit)
+    monkeypatch.setattr("cloudjax_cli.fit_folder.fit", fit)
     return calls
 
 
@@ -55,7 +55,7 @@ def no_solver(monkeypatch):
 def test_compiled_functions_are_kept_where_asked(tmp_path):
     """In a process of its own, for JAX reads the setting when it is imported."""
     cache = tmp_path / "cache"
-    code = "from cloudjax_fit.cli import main; main()"
+    code = "from cloudjax_cli import main; main()"
     command = [sys.executable, "-c", code, "--compilation-cache", str(cache), "doctor"]
     subprocess.run(command, check=True, capture_output=True)
     assert list(cache.iterdir())
@@ -68,7 +68,7 @@ def test_help_is_quick_and_leaves_jax_alone():
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-    command = [sys.executable, "-m", "cloudjax_fit.cli", "--help"]
+    command = [sys.executable, "-m", "cloudjax_cli", "--help"]
     best = min(_seconds(command) for _ in range(3))
     assert best < 0.5
 
@@ -234,7 +234,7 @@ def test_doctor_reports_and_passes():
 
 
 def test_doctor_says_what_to_install(monkeypatch):
-    from cloudjax_fit import doctor
+    from cloudjax_cli import self_test as doctor
 
     # As the bad release does: forward mode alone is off.
     monkeypatch.setattr(
@@ -358,7 +358,7 @@ def test_an_interruption_leaves_nothing(scene, tmp_path, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cloudjax_fit.cli.fitting.fit", interrupted)
+    monkeypatch.setattr("cloudjax_cli.fit_folder.fit", interrupted)
     result = run("fit", scene, "-o", tmp_path / "out")
     assert result.exit_code == 130
     assert not (tmp_path / "out").exists()
@@ -368,7 +368,7 @@ def test_a_bug_keeps_its_trace(scene, tmp_path, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("cloudjax_fit.cli.fitting.fit", broken)
+    monkeypatch.setattr("cloudjax_cli.fit_folder.fit", broken)
     result = run("fit", scene, "-o", tmp_path / "out")
     assert isinstance(result.exception, ZeroDivisionError)
 

@@ -10,7 +10,7 @@ from cloudjax import radiances
 from cloudjax_fit.fitting import draw_starts
 from cloudjax_fit.objective import residuals
 from cloudjax_fit.parameters import put_all, values_of
-from cloudjax_fit.solve import Solver
+from cloudjax_fit.solver import Solver
 from cloudjax_fit.uncertainty import estimate
 from tests.twin import make_twin
 

@@ -3,15 +3,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax.advection import (
+from cloudjax.geometry.angles import latitude_longitude_deg
+from cloudjax.weather.advection import (
     DisplacementMap,
     Wind,
     displace,
     displacement_map,
     propagate,
 )
-from cloudjax.angles import latitude_longitude_deg
-from cloudjax.time_stepping import Euler, Heun, RungeKutta4
+from cloudjax.weather.time_stepping import Euler, Heun, RungeKutta4
 
 
 LAT, LON = np.arange(-90.0, 91.0, 10.0), np.arange(0.0, 360.0, 10.0)

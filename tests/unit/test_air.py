@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cloudjax import Shell, StandardAtmosphere, navigate, radiances, sample
-from cloudjax.air import Air, Column, Emission
-from cloudjax.gases import LEVELS_M, Columns
+from cloudjax.air.clear_air import Air, Column, Emission
+from cloudjax.air.gases import LEVELS_M, Columns
 from tests.helpers import (
     emissive_bands,
     fractal_cloud,

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax.angles import arctan2
+from cloudjax.geometry.angles import arctan2
 
 
 # All octants, their borders, and both axes.

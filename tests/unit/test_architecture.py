@@ -10,7 +10,13 @@ from importlinter.configuration import configure
 
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("src/cloudjax", "fit/cloudjax_fit", "data_fetch/cloudjax_data")
+PACKAGES = (
+    "src/cloudjax",
+    "data_fetch/cloudjax_data",
+    "scenes/cloudjax_scenes",
+    "fit/cloudjax_fit",
+    "cli/cloudjax_cli",
+)
 FILES = sorted(p for folder in PACKAGES for p in (ROOT / folder).rglob("*.py"))
 LONGEST = 400
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cloudjax import Camera
-from cloudjax.geodesy import ecef, geodetic, up
+from cloudjax.geometry.geodesy import ecef, geodetic, up
 
 
 def camera(**changes) -> Camera:

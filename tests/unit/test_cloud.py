@@ -11,11 +11,11 @@ import pytest
 from scipy.stats import norm
 
 from cloudjax import POINT, FractalCloud, Latent, Perlin, Shell
-from cloudjax.cloud import FractalSamples
-from cloudjax.geodesy import ecef, geodetic
-from cloudjax.path import Path, Profile
-from cloudjax.shell import chords
-from cloudjax.texture import Unresolved
+from cloudjax.clouds.fractal import FractalSamples
+from cloudjax.clouds.texture import Unresolved
+from cloudjax.geometry.geodesy import ecef, geodetic
+from cloudjax.geometry.path import Path, Profile
+from cloudjax.geometry.shells import chords
 from tests.helpers import (
     GEOSTATIONARY_M,
     cloud_function,

@@ -14,7 +14,7 @@ from cloudjax import (
     load_classes,
     make_texture,
 )
-from cloudjax.geodesy import ecef
+from cloudjax.geometry.geodesy import ecef
 
 
 FIFTH = """

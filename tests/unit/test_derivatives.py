@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cloudjax import StandardAtmosphere, navigate, radiances, sample
-from cloudjax.geodesy import ecef
+from cloudjax.geometry.geodesy import ecef
 from tests.helpers import (
     GEOSTATIONARY_M,
     emissive_bands,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cloudjax import POINT, Footprint, Rays, Shell
-from cloudjax.footprint import kind_of, kinds
-from cloudjax.geodesy import ecef, up
+from cloudjax.geometry.footprint import kind_of, kinds
+from cloudjax.geometry.geodesy import ecef, up
 from tests.helpers import GEOSTATIONARY_M, geostationary_rays, limb_rays, rays_to
 
 

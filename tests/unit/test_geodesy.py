@@ -4,7 +4,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from cloudjax.geodesy import (
+from cloudjax.geometry.geodesy import (
     GRS80,
     curvature_radius,
     ecef,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cloudjax import POINT, GriddedCloud, Rays, Shell
-from cloudjax.geodesy import east_north_up, ecef
-from cloudjax.shell import chords
+from cloudjax.geometry.geodesy import east_north_up, ecef
+from cloudjax.geometry.shells import chords
 
 
 SHELL = Shell(1000.0, 1400.0)

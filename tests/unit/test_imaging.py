@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cloudjax import Rays, Weather, navigate, prepare, render, sample, sample_rays
-from cloudjax.footprint import kind_of, kinds
-from cloudjax.scene import BandRadiances
+from cloudjax.geometry.footprint import kind_of, kinds
+from cloudjax.march.scene import BandRadiances
 from tests.helpers import (
     GEOSTATIONARY_M,
     emissive_bands,
@@ -155,7 +155,7 @@ def test_rays_left_out_would_have_shown_no_cloud(image, monkeypatch):
 
     The chance that is let go is 1e-3.
     """
-    monkeypatch.setattr("cloudjax.imaging.LEAST_LIKELIHOOD", -1.0)
+    monkeypatch.setattr("cloudjax.image.render.LEAST_LIKELIHOOD", -1.0)
     every = _render(_wide(), with_products=True)
     assert every.clouds is not None
     assert (image.clouds.optical_depth == 0).sum() > (

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cloudjax import Illumination, TwoFlux
-from cloudjax.light import Scatterers, Slabs, slab
-from cloudjax.reflectance import PlaneParallel
+from cloudjax.light.reflectance import PlaneParallel
+from cloudjax.light.reflection import Scatterers, Slabs, slab
 from tests.helpers import numbers
 
 

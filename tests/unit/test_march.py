@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cloudjax import Latent, Occupancy, Slopes
-from cloudjax.march import first_surface, march
+from cloudjax.march.march import first_surface, march
 from tests.helpers import numbers
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cloudjax import Shell
-from cloudjax.order import Stretch, Within, overlap, place
+from cloudjax.march.order import Stretch, Within, overlap, place
 from tests.helpers import numbers
 
 

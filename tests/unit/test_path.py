@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cloudjax import FixedGrid, Rays, Shell
-from cloudjax.geodesy import ecef, geodetic, up
-from cloudjax.path import (
+from cloudjax.geometry.geodesy import ecef, geodetic, up
+from cloudjax.geometry.path import (
     Path,
     Profile,
     along_chord,
@@ -19,7 +19,7 @@ from cloudjax.path import (
     points_along,
     strain,
 )
-from cloudjax.shell import chords
+from cloudjax.geometry.shells import chords
 from tests.helpers import ground_points, rays_to
 
 

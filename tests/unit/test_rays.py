@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cloudjax import FixedGrid, Rays
-from cloudjax.geodesy import GRS80, ecef
+from cloudjax.geometry.geodesy import GRS80, ecef
 from tests.helpers import GEOSTATIONARY_M, rays_to
 
 

@@ -20,7 +20,7 @@ from cloudjax import (
     radiances,
     sample,
 )
-from cloudjax.scene import join
+from cloudjax.march.scene import join
 from tests.helpers import (
     arrays,
     emissive_bands,

@@ -19,10 +19,10 @@ from cloudjax import (
     navigate,
     sample,
 )
-from cloudjax.geodesy import geodetic
-from cloudjax.path import on_chord
-from cloudjax.shadows import dimming
-from cloudjax.shell import Chords, chords
+from cloudjax.geometry.geodesy import geodetic
+from cloudjax.geometry.path import on_chord
+from cloudjax.geometry.shells import Chords, chords
+from cloudjax.march.shadows import dimming
 from tests.helpers import (
     emissive_bands,
     fractal_cloud,

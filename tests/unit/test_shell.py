@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cloudjax import Ellipsoid, Rays, Shell
-from cloudjax.geodesy import ecef, geodetic, up
-from cloudjax.shell import chords
+from cloudjax.geometry.geodesy import ecef, geodetic, up
+from cloudjax.geometry.shells import chords
 from tests.helpers import geostationary_rays
 
 

@@ -147,7 +147,7 @@ def test_a_broad_average_has_few_voxels_and_the_same_values(noise, width, monkey
     a straight line blunts 4 voxels per width by a tenth, which counts as lost.
     """
     few = make_texture(noise, 3, 64, footprint=pixel(width))
-    monkeypatch.setattr("cloudjax.footprint._VOXELS_PER_WIDTH", 1e3)
+    monkeypatch.setattr("cloudjax.geometry.footprint._VOXELS_PER_WIDTH", 1e3)
     all_ = make_texture(noise, 3, 64, footprint=pixel(width))
     n = few.voxels.shape[0]
     assert 4 / width <= n < all_.voxels.shape[0]

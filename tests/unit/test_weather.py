@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cloudjax import cloud_classes
-from cloudjax.weather import (
+from cloudjax.weather.masks import (
     Conditions,
     LatLonGrid,
     MaskGrid,

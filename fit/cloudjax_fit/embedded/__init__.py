@@ -6,8 +6,8 @@ from NOAA's open data by tools/make_embedded_scene.py.
 
 import importlib.resources
 
-from cloudjax_fit.target import Target
 from cloudjax_fit.target_file import read_target
+from cloudjax_fit.targets import Target
 
 
 FILE = "goes17_m1_20191027T2000.nc"

@@ -23,8 +23,8 @@ from cloudjax_data import (
     open_folder,
     plan_gfs,
     plan_goes,
-    transfer,
 )
+from cloudjax_data import download as transfer
 from tests.commands import run, sentence_of
 from tests.generated import window, write_abi_l1b
 from tests.mischief import (
@@ -356,7 +356,7 @@ def test_keys_that_lead_elsewhere_are_refused(scan, mischief, link, tmp_path, ke
 
 
 def _command(mischief, out: Path) -> list[str]:
-    code = "import sys; from cloudjax_fit.cli import main; main(sys.argv[1:])"
+    code = "import sys; from cloudjax_cli import main; main(sys.argv[1:])"
     options = ["--satellite", "goes16", "--time", SCAN.isoformat()]
     options += ["--sector", "conus", "--no-products", "-o", str(out)]
     options += ["--endpoint", mischief.url]

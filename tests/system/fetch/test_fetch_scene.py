@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
+from cloudjax_cli import main
 from cloudjax_data import open_folder, read_weather
-from cloudjax_data.weather import GROUND, OPTIONAL, REQUIRED
-from cloudjax_fit.cli import main
+from cloudjax_data.weather_cube import GROUND, OPTIONAL, REQUIRED
 from tests.commands import run, sentence_of
 from tests.mischief import busy, cut, of_files
 from tests.noaa_buckets import LEVELS_HPA, add_gfs, add_scan, goes_folder
@@ -97,7 +97,7 @@ def test_only_the_needed_messages_of_the_gfs_are_asked_for(scene, mischief, tmp_
 
 def test_a_terminal_gets_a_bar(scene, mischief, tmp_path, monkeypatch):
     terminal = SimpleNamespace(stdout=SimpleNamespace(isatty=lambda: True))
-    monkeypatch.setattr("cloudjax_fit.cli.fetch_progress.sys", terminal)
+    monkeypatch.setattr("cloudjax_cli.fetch_progress.sys", terminal)
     result = run("fetch", "goes", *CONUS, "-o", tmp_path, *_at(mischief))
     assert result.exit_code == 0, result.output
     assert ".nc" not in result.output

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from cloudjax.gases import columns
+from cloudjax.air.gases import columns
 from cloudjax_data import read_weather, specific_humidity
 from cloudjax_data.grib import read_grib
 from cloudjax_data.humidity import saturation_hpa
-from cloudjax_fit.air_profile import AirProfile
+from cloudjax_scenes.air_profile import AirProfile
 
 
 def test_saturation_is_that_of_the_tables():

@@ -9,7 +9,7 @@ from tests.generated import write_grib
 
 from cloudjax import cloud_classes
 from cloudjax_data import DataError, read_weather
-from cloudjax_fit import Analysis
+from cloudjax_scenes import Analysis
 
 
 LATITUDE = np.arange(60.0, -61.0, -30.0)

@@ -5,8 +5,8 @@ import pytest
 from tests.scenes import NIGHT, write_scene
 
 from cloudjax_data import DataError
-from cloudjax_fit.model import background, build_scene, scene_parameters
-from cloudjax_fit.prepare import prepare
+from cloudjax_fit.fitted_scene import background, build_scene, scene_parameters
+from cloudjax_fit.scene_run import prepare
 
 
 def test_by_day_the_sun_s_part_and_emission_add_to_what_is_seen(tmp_path):

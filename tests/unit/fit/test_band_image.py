@@ -6,11 +6,11 @@ import pytest
 import xarray as xr
 
 from cloudjax_data import DataError, open_folder
-from cloudjax_fit.band_image import BandImage, chosen_quantities
+from cloudjax_fit.comparison import compare, read_radiances
 from cloudjax_fit.observation import observe
-from cloudjax_fit.quantity import QUANTITIES
-from cloudjax_fit.radiances import compare, read_radiances
-from cloudjax_fit.sensor_band import nominal_bands
+from cloudjax_scenes.band_image import BandImage, chosen_quantities
+from cloudjax_scenes.quantity import QUANTITIES
+from cloudjax_scenes.sensor_band import nominal_bands
 
 
 BANDS = nominal_bands()

@@ -7,7 +7,7 @@ import pytest
 from cloudjax_fit import embedded_target
 from cloudjax_fit.condensate import OBSERVED_WATER
 from cloudjax_fit.first_guess import PUBLISHED, START
-from cloudjax_fit.model import PARTICLES, build_scene, light_of, scene_parameters
+from cloudjax_fit.fitted_scene import PARTICLES, build_scene, light_of, scene_parameters
 
 
 def _least_barrier(start) -> float:

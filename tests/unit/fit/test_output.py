@@ -14,10 +14,10 @@ from tests.fit_results import made_up_result
 from tests.scenes import write_scene
 
 from cloudjax_data import DataError
-from cloudjax_fit.output import fit_numbers, write_fit
+from cloudjax_fit.comparison import read_radiances
+from cloudjax_fit.fit_files import fit_numbers, write_fit
 from cloudjax_fit.parameter_file import read_parameters
-from cloudjax_fit.prepare import prepare
-from cloudjax_fit.radiances import read_radiances
+from cloudjax_fit.scene_run import prepare
 
 
 FILES = {"fit.json", "parameters.toml", "report.html", "simulated.nc"}
@@ -164,7 +164,7 @@ def test_a_scene_without_images_is_reported_too(result, tmp_path):
 
 def test_a_failure_leaves_the_files_of_an_earlier_run(result, tmp_path, monkeypatch):
     write_fit(dataclasses.replace(result, warnings=["an earlier run"]), tmp_path)
-    monkeypatch.setattr("cloudjax_fit.output.write_fit_report", _full_disk)
+    monkeypatch.setattr("cloudjax_fit.fit_files.write_fit_report", _full_disk)
     with pytest.raises(DataError, match=r"No space left on device.*free some space"):
         write_fit(result, tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == FILES
@@ -172,7 +172,7 @@ def test_a_failure_leaves_the_files_of_an_earlier_run(result, tmp_path, monkeypa
 
 
 def test_an_interruption_leaves_nothing_half_written(result, tmp_path, monkeypatch):
-    monkeypatch.setattr("cloudjax_fit.output.write_fit_report", _interrupted)
+    monkeypatch.setattr("cloudjax_fit.fit_files.write_fit_report", _interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_fit(result, tmp_path)
     assert not list(tmp_path.iterdir())
@@ -188,7 +188,7 @@ def test_the_numbers_come_last_and_old_ones_go_first(result, tmp_path, monkeypat
         moved.append(target.name)
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("cloudjax_fit.staging.os.replace", failing_move)
+    monkeypatch.setattr("cloudjax_scenes.whole_files.os.replace", failing_move)
     with pytest.raises(DataError, match="Input/output error"):
         write_fit(result, tmp_path)
     assert len(moved) == 1

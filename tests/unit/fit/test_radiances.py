@@ -7,7 +7,7 @@ import xarray as xr
 
 import cloudjax_data
 from cloudjax_data import DataError
-from cloudjax_fit.radiances import BandRadiances, compare, read_radiances
+from cloudjax_fit.comparison import BandRadiances, compare, read_radiances
 
 
 VISIBLE = "W m-2 sr-1 um-1"

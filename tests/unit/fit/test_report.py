@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cloudjax_fit import figures
+from cloudjax_fit.comparison import BandRadiances, compare
 from cloudjax_fit.histogram import distances, quantiles
-from cloudjax_fit.radiances import BandRadiances, compare
 from cloudjax_fit.report import (
     BandReport,
     FitReport,

@@ -5,8 +5,8 @@ import pytest
 
 from cloudjax import Camera, FixedGrid
 from cloudjax_data import DataError
-from cloudjax_fit.sensor_band import nominal_bands
-from cloudjax_fit.sensor_file import SENSOR_NAMES, read_sensor
+from cloudjax_scenes.sensor_band import nominal_bands
+from cloudjax_scenes.sensors import SENSOR_NAMES, read_sensor
 
 
 CAMERA = """

@@ -10,16 +10,16 @@ from tests.scenes import write_weather
 
 from cloudjax import Camera, ClassTexture, FixedGrid, Perlin
 from cloudjax_data import DataError, WeatherSeries, read_weather
-from cloudjax_fit.sensor_band import nominal_bands
-from cloudjax_fit.sensor_file import Sensor
-from cloudjax_fit.sensor_image import (
+from cloudjax_scenes.image_strips import render_strips, strips, write_strips
+from cloudjax_scenes.sensor_band import nominal_bands
+from cloudjax_scenes.sensor_image import (
     SensorImage,
     render_sensor,
     sensor_dataset,
     write_picture,
 )
-from cloudjax_fit.strips import render_strips, strips, write_strips
-from cloudjax_fit.world import World
+from cloudjax_scenes.sensors import Sensor
+from cloudjax_scenes.weather_scene import World
 
 
 GRID = FixedGrid.abi_meso(10.0, 20.0, -80.0)
@@ -107,7 +107,7 @@ def test_a_failure_leaves_nothing(tmp_path, world, monkeypatch):
     def full(*_, **__):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr("cloudjax_fit.strips.write_netcdf", full)
+    monkeypatch.setattr("cloudjax_scenes.image_strips.write_netcdf", full)
     with pytest.raises(DataError, match="free some space"):
         write_strips(tmp_path / "out.nc", [frame(GRID)], world)
     assert list(tmp_path.iterdir()) == []

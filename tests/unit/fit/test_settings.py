@@ -8,8 +8,7 @@ from tests.scenes import write_scene
 
 from cloudjax_data import DataError
 from cloudjax_fit.fitting import FitSettings
-from cloudjax_fit.prepare import prepare
-from cloudjax_fit.selection import CloudRule
+from cloudjax_fit.scene_run import prepare
 from cloudjax_fit.settings import (
     Settings,
     cloud_rule,
@@ -19,6 +18,7 @@ from cloudjax_fit.settings import (
     scene_of,
     with_options,
 )
+from cloudjax_scenes.cloud_rule import CloudRule
 
 
 SOURCE = "folder/scene.toml"
@@ -110,7 +110,7 @@ def test_the_command_line_goes_before_the_file():
 
 
 def test_every_option_of_a_fit_is_on_the_command_line():
-    from cloudjax_fit.cli.demo import demo
+    from cloudjax_cli.demo import demo
 
     names = {field.name for field in dataclasses.fields(FitSettings)}
     assert names <= {parameter.name for parameter in demo.params}

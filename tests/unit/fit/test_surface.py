@@ -7,7 +7,7 @@ import pytest
 from tests.generated import write_grib
 
 from cloudjax_data import read_weather
-from cloudjax_fit.surface import SEA, SNOW, Surface
+from cloudjax_scenes.surface import SEA, SNOW, Surface
 
 
 LAND = {

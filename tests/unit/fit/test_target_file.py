@@ -8,9 +8,9 @@ from tests.scenes import NIGHT, write_scene
 
 from cloudjax_data import DataError
 from cloudjax_fit.embedded import FILE, embedded_target
-from cloudjax_fit.prepare import prepare
-from cloudjax_fit.selection import CloudRule
+from cloudjax_fit.scene_run import prepare
 from cloudjax_fit.target_file import read_target, write_target
+from cloudjax_scenes.cloud_rule import CloudRule
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ import pytest
 from tests.generated_grib import write_grib
 
 from cloudjax import Camera, cloud_classes
-from cloudjax.geodesy import up
+from cloudjax.geometry.geodesy import up
 from cloudjax_data import DataError, WeatherSeries, read_weather, sun_direction
-from cloudjax_fit.sensor_band import nominal_bands
-from cloudjax_fit.surface import SEA
-from cloudjax_fit.world import World
+from cloudjax_scenes.sensor_band import nominal_bands
+from cloudjax_scenes.surface import SEA
+from cloudjax_scenes.weather_scene import World
 
 
 TIME = datetime(2019, 10, 27, 18, tzinfo=UTC)

@@ -1,0 +1,6 @@
+"""`python -m cloudjax_fit.cli`."""
+
+from cloudjax_cli import main
+
+
+main()

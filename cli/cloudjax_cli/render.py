@@ -1,0 +1,206 @@
+"""`cloudjax render`."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import click
+
+from .options import bands_option, ignore_weather_option
+
+
+class Place(click.ParamType):
+    """Latitude and longitude in degrees, such as 25,-80."""
+
+    name = "lat,lon"
+
+    def convert(self, value, param, ctx):
+        try:
+            latitude, longitude = map(float, value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a latitude and a longitude such as 25,-80")
+        return latitude, longitude
+
+
+_OF_SCENES = ("parameters", "ignore_weather")
+_OF_SENSORS = ("time", "classes", "longitude", "centre")
+_TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
+
+
+@click.command()
+@click.argument("target", metavar="SCENE|SENSOR")
+@click.option("-o", "--output", required=True, metavar="OUT.nc")
+@bands_option
+@click.option("--steps", type=int, help="Through each cloud shell.")
+@click.option("--resolution", type=int, help="Voxels per axis.")
+@click.option("--seed", type=int, help="Of the clouds.")
+@click.option(
+    "--light",
+    help="physical or paper.  [default: paper for a scene, physical for a sensor]",
+)
+@click.option(
+    "--quantity",
+    "quantities",
+    type=click.Choice(["radiance", "reflectance", "brightness-temperature", "all"]),
+    multiple=True,
+    default=["radiance"],
+    help="Of the file's variables; again for more.  [default: radiance]",
+)
+@click.option(
+    "--shadows",
+    type=click.IntRange(0),
+    default=0,
+    help="Steps towards the sun, with physical light; 6 are good, 0 is none.",
+)
+@click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
+@ignore_weather_option
+@click.option(
+    "--weather",
+    multiple=True,
+    metavar="GRIB",
+    help="Sensor: a global analysis; again for those of other times.",
+)
+@click.option("--time", type=_TIMES, help="Sensor: UTC.  [default: of the weather]")
+@click.option("--frames", type=click.IntRange(1), default=1, help="Sensor: images.")
+@click.option(
+    "--minutes",
+    type=click.FloatRange(0, min_open=True),
+    default=30.0,
+    help="Sensor: between frames.",
+)
+@click.option("--classes", metavar="TOML", help="Sensor: of cloud.")
+@click.option("--longitude", type=float, help="Sensor: of an ABI's satellite.")
+@click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
+def render(target, output, bands, weather, **options) -> None:
+    """Simulate the radiances of a scene, or of a sensor over weather.
+
+    A SCENE is a folder: where clouds may stand and what is below them comes from its
+    files. A SENSOR is a name such as abi-fulldisk-10km, abi-conus-2km or abi-meso-1km,
+    or a TOML file; clouds, winds and ground come from --weather.
+
+    Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
+    and so on.
+    """
+    path = _writable(output)
+    if not Path(target).is_dir():
+        _render_sensor(target, path, bands, weather, options)
+        return
+    if weather:
+        raise click.UsageError(
+            f"{target} is a scene, whose weather is in its folder: leave out --weather"
+        )
+    _refuse(_OF_SENSORS, options, f"{target} is a scene")
+    _render_scene(target, path, bands, options)
+
+
+def _writable(output: str) -> Path:
+    from cloudjax_scenes.whole_files import require_writable
+
+    path = Path(output)
+    if path.suffix != ".nc":
+        raise click.UsageError(f"the output is a netCDF file, and {output} is not *.nc")
+    require_writable(path.parent)
+    return path
+
+
+def _refuse(names, options, because: str) -> None:
+    """End with a sentence if one of these options has been given."""
+    for name in names:
+        # Not "if options[name]": a longitude may be 0.
+        if options[name] is not None and options[name] is not False:
+            option = name.replace("_", "-")
+            raise click.UsageError(f"{because}: leave out --{option}")
+
+
+def _render_scene(scene: str, path: Path, bands, options) -> None:
+    from cloudjax_fit.run_image import render_run
+    from cloudjax_fit.scene_run import prepare
+    from cloudjax_scenes.band_image import chosen_quantities
+    from cloudjax_scenes.image_file import write_image_and_picture
+
+    run = prepare(
+        scene,
+        bands=bands,
+        options={
+            name: options[name] for name in ("steps", "resolution", "seed", "light")
+        },
+        ignore_weather=options["ignore_weather"],
+    )
+    quantities = chosen_quantities(options["quantities"], run.target.bands.values())
+    seed, shadows = run.settings.fit.seed, options["shadows"]
+    image, values = render_run(run, options["parameters"], shadows=shadows)
+    write_image_and_picture(
+        path, image, run.target, values, seed, quantities, shadows=shadows
+    )
+    click.echo(f"{path} and {path.with_suffix('.png')}")
+
+
+def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
+    from cloudjax_scenes.band_image import chosen_quantities
+    from cloudjax_scenes.sensors import read_sensor
+
+    _refuse(_OF_SCENES, options, f"{sensor} is no folder of a scene")
+    view = read_sensor(
+        sensor,
+        subsatellite_longitude_deg=options["longitude"],
+        centre=options["centre"],
+    )
+    chosen = view.choose(bands)
+    quantities = chosen_quantities(options["quantities"], chosen)
+    if not weather:
+        raise click.UsageError(f"{sensor} needs clouds: give --weather GFS.grib2")
+    world = _world(weather, options)
+    resolution = 128 if options["resolution"] is None else options["resolution"]
+    world.require_resolution(resolution)
+    _render_frames(world, view, chosen, path, options, resolution, quantities)
+
+
+def _world(weather, options):
+    from cloudjax_scenes.weather_scene import open_world
+
+    given = {name: options[name] for name in ("seed", "steps", "light", "shadows")}
+    return open_world(
+        weather,
+        options["classes"],
+        **{name: value for name, value in given.items() if value is not None},
+    )
+
+
+def _render_frames(world, view, chosen, path, options, resolution, quantities) -> None:
+    from cloudjax_scenes.image_strips import render_strips, write_strips
+
+    from .progress import tile_progress
+
+    frames = options["frames"]
+    start = options["time"] or world.series.times[0]
+    start = start.replace(tzinfo=UTC)
+    _require_near(start, world)
+    _require_near(start + timedelta(minutes=(frames - 1) * options["minutes"]), world)
+    for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
+        file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
+        with tile_progress(file.name) as on_tile:
+            images = render_strips(
+                world,
+                view,
+                chosen,
+                time,
+                air,
+                resolution=resolution,
+                on_tile=on_tile,
+            )
+            write_strips(file, images, world, quantities)
+        click.echo(f"{file} and {file.with_suffix('.png')}")
+
+
+def _require_near(time: datetime, world) -> None:
+    """Raise `DataError` for a frame hours before or after all weather."""
+    from cloudjax_data import DataError
+
+    first, last = world.series.times[0], world.series.times[-1]
+    slack = timedelta(hours=3)
+    if not first - slack <= time <= last + slack:
+        said = "%Y-%m-%d %H:%M"
+        raise DataError(
+            f"{world.series.cubes[0].path} and what else is given are of "
+            f"{first.strftime(said)} to {last.strftime(said)} UTC, hours from "
+            f"{time.strftime(said)}: give the analyses around that time."
+        )

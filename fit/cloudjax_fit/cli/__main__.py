@@ -1,6 +1,0 @@
-"""`python -m cloudjax_fit.cli`."""
-
-from . import main
-
-
-main()

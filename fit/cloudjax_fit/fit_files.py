@@ -1,0 +1,328 @@
+"""The files of a fit: numbers, parameters, image and report, all or none of them."""
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import UTC
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from cloudjax.march.radiances import VISIBLE_DEPTH
+from cloudjax_scenes.band_image import BandImage
+from cloudjax_scenes.image_file import image_dataset
+from cloudjax_scenes.netcdf import write_netcdf
+from cloudjax_scenes.whole_files import staged
+
+from .condensate import OBSERVED_WATER, Condensate
+from .fitted_scene import LIGHTS, PARTICLES
+from .fitting import FitResult, versions
+from .histogram import Distances
+from .parameter_file import parameters_text
+from .parameters import Parameter
+from .report import (
+    BandReport,
+    FitReport,
+    ParameterRow,
+    WeightedPixels,
+    format_number,
+    write_fit_report,
+)
+from .uncertainty import Estimate
+
+
+Images = Mapping[int, Float[np.ndarray, "y x"]]
+
+# Written last: where it is, the others are whole.
+NUMBERS = "fit.json"
+PARAMETERS = "parameters.toml"
+IMAGE = "simulated.nc"
+REPORT = "report.html"
+
+
+def write_fit(
+    result: FitResult,
+    folder: str | os.PathLike[str],
+    observed_images: Images | None = None,
+) -> None:
+    """Write `fit.json`, `parameters.toml`, `simulated.nc` and `report.html`.
+
+    **Arguments:**
+
+    - `observed_images`: radiances by band on the target's grid, to show beside the
+        simulated ones; scenes that were reduced to a target have none.
+
+    **Raises:** `DataError` if the disk does not take the files.
+    """
+    values, target = parameter_values(result), result.target
+    title = f"Parameters of {target.name}, {target.platform}, {_time(result)}"
+    image = image_dataset(result.image, target, values, result.settings.seed)
+    numbers = json.dumps(fit_numbers(result), indent=2, allow_nan=False)
+    with staged(folder, last=NUMBERS) as aside:
+        text = parameters_text(values, title, result.settings.light)
+        (aside / PARAMETERS).write_text(text, encoding="utf-8")
+        write_netcdf(aside / IMAGE, image)
+        write_fit_report(aside / REPORT, fit_report(result, observed_images))
+        (aside / NUMBERS).write_text(numbers + "\n", encoding="utf-8")
+
+
+def parameter_values(result: FitResult) -> dict[str, float]:
+    """All parameters of the fitted scene: those found and those held."""
+    found = {e.parameter.name: e.value for e in result.estimates}
+    return found | {p.name: p.default for p in result.held}
+
+
+def fit_numbers(result: FitResult) -> dict[str, Any]:
+    """The content of `fit.json`; None stands for what is not finite."""
+    return _plain(
+        {
+            "scene": _scene(result),
+            "status": "converged" if result.converged else "not converged",
+            "message": result.status,
+            "warnings": list(result.warnings),
+            "seconds": result.seconds,
+            "settings": asdict(result.settings),
+            "seeds": {"seed": result.settings.seed},
+            "cloud_fraction": cloud_fractions(result),
+            "cloud_optical_depth": optical_depths(result),
+            "clouds": {n: _cloud_numbers(c) for n, c in condensate(result).items()},
+            "bands": {str(n): _band_numbers(result, n) for n in result.target.bands},
+            "parameters": {
+                e.parameter.name: _estimate_numbers(e) for e in result.estimates
+            },
+            "held": {p.name: p.default for p in result.held},
+            "undetermined": result.undetermined,
+            "history": list(result.history),
+            "versions": versions(),
+        }
+    )
+
+
+def cloud_fractions(result: FitResult) -> dict[str, float]:
+    """Share of the sky that counts as cloud, observed and simulated."""
+    seen = np.isfinite(result.image.radiance).all(axis=0)
+    return {
+        "observed": result.target.cloud_fraction,
+        "start": float(result.start.cloud[seen].mean()),
+        "simulated": float(result.image.cloud[seen].mean()),
+    }
+
+
+def optical_depths(result: FitResult) -> dict[str, float]:
+    """Quartiles of the vertical optical depth at 0.64 µm of the cloudy pixels."""
+    image = result.image
+    return _named(_quartiles(image.optical_depth[image.cloud > 0.5]))
+
+
+def condensate(result: FitResult) -> dict[str, Condensate]:
+    """What each class of the fitted clouds is made of."""
+    share = LIGHTS[result.settings.light].share
+    return {
+        layer.name: _condensate(
+            layer.name, float(layer.extinction_per_m) / share, depth
+        )
+        for layer, depth in zip(result.scene.layers, result.image.depths, strict=True)
+    }
+
+
+def _condensate(name: str, extinction_per_m: float, depth) -> Condensate:
+    particles = PARTICLES[name]
+    water = particles.water_content_g_m3(jnp.asarray(extinction_per_m))
+    return Condensate(
+        effective_radius_um=float(particles.effective_radius_um),
+        physical_extinction_per_m=extinction_per_m,
+        water_content_g_m3=float(water),
+        optical_depth=_quartiles(depth[depth > VISIBLE_DEPTH]),
+        observed_water_g_m3=OBSERVED_WATER.get(name),
+    )
+
+
+def _quartiles(depth: Float[np.ndarray, " pixels"]) -> tuple[float, float, float]:
+    if not depth.size:
+        return math.nan, math.nan, math.nan
+    lower, median, upper = np.quantile(depth, (0.25, 0.5, 0.75))
+    return float(lower), float(median), float(upper)
+
+
+def _named(quartiles: tuple[float, float, float]) -> dict[str, float]:
+    return dict(zip(("lower", "median", "upper"), quartiles, strict=True))
+
+
+def _cloud_numbers(cloud: Condensate) -> dict[str, Any]:
+    return asdict(cloud) | {
+        "optical_depth": _named(cloud.optical_depth),
+        "thickness_m": cloud.thickness_m,
+        "water_path_g_m2": cloud.water_path_g_m2,
+        "believable": cloud.believable,
+    }
+
+
+def fit_report(result: FitResult, observed_images: Images | None = None) -> FitReport:
+    """What the page of a fit shows."""
+    images = observed_images or {}
+    return FitReport(
+        title=f"Fit of {result.target.name}",
+        scene=_facts(result),
+        status=_status_sentence(result),
+        converged=result.converged,
+        bands=[_band_report(result, n, images) for n in result.target.bands],
+        clouds=condensate(result),
+        parameters=[_row(estimate) for estimate in result.estimates],
+        undetermined=result.undetermined,
+        warnings=result.warnings,
+        history=result.history,
+        seconds=result.seconds,
+        seeds={"seed": result.settings.seed},
+        versions=versions(),
+    )
+
+
+def _scene(result: FitResult) -> dict[str, Any]:
+    target = result.target
+    return {
+        "name": target.name,
+        "platform": target.platform,
+        "time": target.time.astimezone(UTC).isoformat(),
+        "shape": list(target.grid.shape),
+        "bands": list(target.bands),
+        "cloud_rule": str(target.rule),
+        "layers": list(target.fractions),
+    }
+
+
+def _band_numbers(result: FitResult, number: int) -> dict[str, Any]:
+    band = result.target.bands[number]
+    start, fitted = result.distances_start[number], result.distances_fit[number]
+    return {
+        "units": band.units,
+        "wavelength_um": band.wavelength_um,
+        "n_pixels": fitted.n_observed,
+        "std_observed": fitted.std_observed,
+        **_distance_numbers(start, "start"),
+        **_distance_numbers(fitted, "fit"),
+    }
+
+
+def _distance_numbers(distances: Distances, when: str) -> dict[str, float]:
+    return {
+        f"w1_{when}": distances.w1,
+        f"w1_{when}_over_std": distances.w1_over_std,
+        f"ks_{when}": distances.ks,
+        f"bias_{when}": distances.bias,
+    }
+
+
+def _estimate_numbers(estimate: Estimate) -> dict[str, Any]:
+    parameter = estimate.parameter
+    return {
+        "value": estimate.value,
+        "std": estimate.std,
+        "determined": estimate.determined,
+        "at_bound": estimate.at_bound,
+        "start": estimate.start,
+        "unit": parameter.unit,
+        "lower": parameter.lower,
+        "upper": parameter.upper,
+        "prior": {
+            "default": parameter.default,
+            "spread": parameter.spread,
+            "log": parameter.log,
+        },
+    }
+
+
+def _facts(result: FitResult) -> dict[str, str]:
+    target, clouds = result.target, cloud_fractions(result)
+    rows, columns = target.grid.shape
+    held = ", ".join(f"{p.name} = {format_number(p.default)}" for p in result.held)
+    return {
+        "scene": target.name,
+        "satellite": target.platform,
+        "time": _time(result),
+        "pixels": f"{rows} × {columns}",
+        "cloud pixels": f"{target.rule}",
+        "cloud fraction": f"{clouds['observed']:.1%} observed, "
+        f"{clouds['simulated']:.1%} simulated ({clouds['start']:.1%} at the start)",
+        "layers": ", ".join(target.fractions),
+        "light": result.settings.light,
+        "optical depth": "{median:.3g} ({lower:.3g} to {upper:.3g}), vertical, of "
+        "cloud pixels at 0.64 µm".format(**optical_depths(result)),
+        "fitted with": f"{result.settings.rays} rays of {result.settings.steps} steps, "
+        f"textures of {result.settings.resolution}³",
+    } | ({"held": held} if held else {})
+
+
+def _status_sentence(result: FitResult) -> str:
+    first, last = (format_number(result.history[i]) for i in (0, -1))
+    steps = f"The loss fell from {first} to {last} in {len(result.history) - 1} steps."
+    return steps if result.converged else f"{result.status.strip()} {steps}"
+
+
+def _band_report(result: FitResult, number: int, observed: Images) -> BandReport:
+    band = result.target.bands[number]
+    simulated = BandImage(band, band.coefficients, result.image.band(number))
+    seen = None
+    if number in observed:
+        seen = dataclasses.replace(simulated, radiance=observed[number]).shown
+    return BandReport(
+        number=number,
+        name=simulated.title,
+        units=band.units,
+        observed=band.quantiles,
+        simulated_start=_pixels(result.start, number),
+        simulated_fit=_pixels(result.image, number),
+        distances_start=result.distances_start[number],
+        distances_fit=result.distances_fit[number],
+        display=simulated.display,
+        observed_image=seen,
+        simulated_image=simulated.shown,
+    )
+
+
+def _pixels(image, number: int) -> WeightedPixels:
+    return WeightedPixels(image.band(number).reshape(-1), image.cloud.reshape(-1))
+
+
+def _row(estimate: Estimate) -> ParameterRow:
+    parameter = estimate.parameter
+    return ParameterRow(
+        name=parameter.name,
+        value=estimate.value,
+        std=estimate.std,
+        start=estimate.start,
+        unit=parameter.unit,
+        prior=_prior(parameter),
+        lower=parameter.lower,
+        upper=parameter.upper,
+        determined=estimate.determined,
+        at_bound=estimate.at_bound,
+    )
+
+
+def _prior(parameter: Parameter) -> str:
+    middle = format_number(parameter.default)
+    if parameter.log:
+        return f"{middle} ×/÷ {format_number(math.exp(parameter.spread))}"
+    return f"{middle} ± {format_number(parameter.spread)}"
+
+
+def _time(result: FitResult) -> str:
+    return f"{result.target.time.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _plain(value: Any) -> Any:
+    """Numbers as JSON knows them."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

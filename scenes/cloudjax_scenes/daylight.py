@@ -1,0 +1,37 @@
+"""How high the sun stands over an image."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cloudjax.geometry.geodesy import up
+from cloudjax_data import AbiBand, sun_direction
+from cloudjax_fit.observation import LOWEST_SUN_DEG, navigation_grid
+
+
+# Along each axis: the sun is smooth, and a megapixel takes a second.
+_POINTS = 50
+
+
+def sun_heights_deg(band: AbiBand) -> tuple[float, float]:
+    """The lowest and the highest sun over the pixels that see the Earth.
+
+    Below the horizon is negative; NaN if no pixel sees the Earth.
+    """
+    grid = navigation_grid(band)
+    thin = replace(grid, x_rad=_thinned(grid.x_rad), y_rad=_thinned(grid.y_rad))
+    ground, hit = thin.rays().ground(grid.ellipsoid)
+    if not hit.any():
+        return np.nan, np.nan
+    vertical = up(ground.latitude_deg[hit], ground.longitude_deg[hit])
+    height = np.degrees(np.arcsin(vertical @ sun_direction(band.time)))
+    return float(height.min()), float(height.max())
+
+
+def is_day(heights_deg: tuple[float, float]) -> bool:
+    """Whether reflective bands see clouds anywhere in the image."""
+    return heights_deg[1] >= LOWEST_SUN_DEG
+
+
+def _thinned(angles: np.ndarray) -> np.ndarray:
+    return np.linspace(angles[0], angles[-1], min(len(angles), _POINTS))

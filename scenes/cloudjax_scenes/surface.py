@@ -1,0 +1,164 @@
+"""What is seen below the clouds where no imagery is at hand: land, sea, snow and ice.
+
+Reflectances are round numbers within what is published, the same for all land: they
+serve to put clouds over something plausible. The renderer multiplies by the cosine of
+the solar zenith angle.
+
+- sea: Fresnel's reflection of skylight, whitecaps, and light from below in the blue.
+  The glint of the sun is left out.
+- vegetation: 0.47 and 0.64 µm are near the quarter and the half of 2.2 µm that Kaufman
+  et al. (1997, IEEE TGRS 35, 1286) find over dark vegetation.
+- bare ground: dry soil and sand, as in the ECOSTRESS spectral library (Baldridge et al.
+  2009, Remote Sens. Environ. 113, 711; Meerdink et al. 2019, ibid. 230, 111196).
+- snow and ice: bright in the visible, about 0.05 at 2.13 µm (Moody et al. 2007, Remote
+  Sens. Environ. 111, 337).
+- 3.9 µm: one less the emissivity of sea (Masuda et al. 1988, Remote Sens. Environ. 24,
+  313), plants and soil (Seemann et al. 2008, J. Appl. Meteorol. Climatol. 47, 108) and
+  snow (Dozier & Warren 1982, Water Resour. Res. 18, 1219).
+"""
+
+import functools as ft
+import importlib.resources
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from cloudjax import LatLonGrid
+from cloudjax.light.optics import LAST_SUNLIT_BAND
+from cloudjax_data import WeatherCube
+
+
+# Bands 1 to 7: 0.47, 0.64, 0.87, 1.38, 1.61, 2.25 and 3.9 µm.
+SEA = (0.045, 0.030, 0.015, 0.010, 0.008, 0.005, 0.02)
+VEGETATION = (0.03, 0.06, 0.32, 0.24, 0.20, 0.11, 0.04)
+BARE = (0.14, 0.26, 0.36, 0.42, 0.44, 0.40, 0.25)
+SNOW = (0.80, 0.80, 0.70, 0.40, 0.10, 0.05, 0.03)
+# About a third of all land is arid.
+BARE_SHARE = 1 / 3
+# Snow and ice cover half the ground at the middle, all of it at the lower end.
+SNOW_K = (260.0, 270.0)
+STANDARD_K = 288.15
+LAPSE_K_M = 6.5e-3
+
+_CELL_DEG = 0.1
+_LEVELS = 15
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Ground and sea.
+
+    **Fields:** `cube`: the weather, whose temperatures it has; without, it is at
+    288.15 K everywhere.
+    """
+
+    cube: WeatherCube | None = None
+
+    def land_share(
+        self,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, " points"]:
+        """0 at sea, 1 on land; between them within 11 km of a coast. Lakes are land."""
+        nodes, grid = _land_share()
+        return np.asarray(grid.sample(nodes, latitude_deg, longitude_deg))[..., 0]
+
+    def temperature_k(
+        self,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, " points"]:
+        """Of the skin where the weather has it, else of the lowest air above ground.
+
+        The air's is brought to the ground by 6.5 K/km. Bilinear; beyond a regional
+        analysis the mean of what it has.
+        """
+        if self.cube is None:
+            return np.full(latitude_deg.shape, STANDARD_K)
+        nodes, grid = self._temperature
+        return np.asarray(grid.sample(nodes, latitude_deg, longitude_deg))[..., 0]
+
+    def altitude_m(
+        self,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, " points"]:
+        """Of the ground above sea level; 0 where the weather does not say."""
+        if self.cube is None or "orog" not in self.cube.data:
+            return np.zeros(latitude_deg.shape)
+        data = self.cube.regular(0.25).data
+        ground = np.nan_to_num(data["orog"].to_numpy().astype(np.float64))
+        axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
+        grid = LatLonGrid.from_axes(*axes)
+        found = grid.sample(ground[..., None], latitude_deg, longitude_deg)[..., 0]
+        return np.maximum(np.asarray(found), 0.0)
+
+    def reflectance(
+        self,
+        bands: Sequence[int],
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, "bands points"]:
+        """Lambertian albedo in bands that see the sun, by number from 1 to 7."""
+        land = self.land_share(latitude_deg, longitude_deg)
+        cold, warm = SNOW_K
+        temperature = self.temperature_k(latitude_deg, longitude_deg)
+        snow = np.clip((warm - temperature) / (warm - cold), 0, 1)
+        rows = []
+        for band in bands:
+            i = band - 1
+            ground = BARE_SHARE * BARE[i] + (1 - BARE_SHARE) * VEGETATION[i]
+            bare = land * ground + (1 - land) * SEA[i]
+            rows.append(snow * SNOW[i] + (1 - snow) * bare)
+        return np.stack(rows)
+
+    def emissivity(
+        self,
+        bands: Sequence[int],
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, "bands points"]:
+        """One less the albedo at 3.9 µm, one beyond, by number from 7 to 16."""
+        rows = np.ones((len(bands), len(latitude_deg)))
+        for row, band in zip(rows, bands, strict=True):
+            if band == LAST_SUNLIT_BAND:
+                row -= self.reflectance([band], latitude_deg, longitude_deg)[0]
+        return rows
+
+    @ft.cached_property
+    def _temperature(self) -> tuple[np.ndarray, LatLonGrid]:
+        assert self.cube is not None
+        data = self.cube.regular(0.25).data
+        if "t_surface" in data:
+            field = data["t_surface"].to_numpy()
+        else:
+            field = _air_at_ground(data)
+        field = field.astype(np.float64)
+        field = np.where(np.isfinite(field), field, np.nanmean(field))
+        axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
+        return field[..., None], LatLonGrid.from_axes(*axes)
+
+
+def _air_at_ground(data) -> Float[np.ndarray, "lat lon"]:
+    height, air = data["gh"].to_numpy(), data["t"].to_numpy()
+    ground = data["orog"].to_numpy() if "orog" in data else np.zeros(height.shape[1:])
+    known = np.isfinite(height) & np.isfinite(air) & (height >= ground)
+    lowest = known.argmax(axis=0)[None]
+    z, t = (np.take_along_axis(field, lowest, axis=0)[0] for field in (height, air))
+    return np.where(known.any(axis=0), t + LAPSE_K_M * (z - ground), np.nan)
+
+
+@ft.cache
+def _land_share() -> tuple[np.ndarray, LatLonGrid]:
+    file = importlib.resources.files("cloudjax_scenes") / "land_share.npz"
+    with file.open("rb") as stream, np.load(stream) as content:
+        packed = content["share"]
+    level = np.stack([packed >> 4, packed & 15], axis=-1).reshape(len(packed), -1)
+    rows, columns = level.shape
+    grid = LatLonGrid.from_axes(
+        _CELL_DEG * (np.arange(rows) + 0.5) - 90,
+        _CELL_DEG * (np.arange(columns) + 0.5) - 180,
+    )
+    return (level / np.float32(_LEVELS)).astype(np.float32)[..., None], grid

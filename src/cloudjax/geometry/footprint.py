@@ -1,0 +1,157 @@
+"""What a pixel averages: an ellipsoid about its line of sight.
+
+All rays of one image are sorted into a few kinds of footprint, whose textures are
+averaged once. The kinds are cells of a fixed grid in size and orientation, so that the
+same pixel gets the same textures however an image is cut into tiles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from .geodesy import GRS80, Ellipsoid, dot, vertical
+from .rays import Rays
+from .shells import Shell, both_chords
+
+
+# Widths of one kind agree within a factor of √2, lengths over widths within 2, and
+# where these are not 1 directions within 36 degrees. Many more kinds gain nothing,
+# fewer lose (docs/decisions.md).
+_WIDTHS_PER_OCTAVE = 2.0
+_STRETCHES_PER_OCTAVE = 1.0
+_DIRECTIONS = np.array(
+    [
+        *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        *((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)),
+    ]
+)
+# At the limb a footprint has no end. 6 times its width is 10 degrees above it.
+_LONGEST = 6.0
+# An average over the whole of the box takes too much of the vertical structure that the
+# ray resolves: measured against many hard rays per pixel (docs/decisions.md).
+_SHARPNESS = 0.8
+# Of an averaged texture: the Gaussian is down to 1/60 at two voxels per wave.
+_VOXELS_PER_WIDTH = 4.0
+# Way over the ground within which winds and masks are as good as linear, and the knots
+# of longer ways.
+_KNOT_SPACING_M = 60e3
+_MANY_KNOTS = 9
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """A kind of pixel.
+
+    A ray passes over the structure within its pixel at all heights, but textures are as
+    blunt upwards as across: waves much shorter than the pixel that survive an average
+    over its level surface alone are too few to matter, and without them a texture needs
+    no more voxels than pixels (docs/decisions.md).
+
+    **Fields:**
+
+    - `width_m`: across the direction of view, and upwards.
+    - `length_m`: along the direction of view, on a level surface.
+    - `along`: that direction, unit vector, ECEF.
+    """
+
+    width_m: float
+    length_m: float
+    along: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+    @property
+    def covariance_m2(self) -> Float[np.ndarray, "3 3"]:
+        """Of the average: 0.64 of a uniform box of these lengths, width²/12."""
+        along = np.array(self.along)
+        longer = self.length_m**2 - self.width_m**2
+        box = (self.width_m**2 * np.eye(3) + longer * np.outer(along, along)) / 12
+        return _SHARPNESS**2 * box
+
+    @property
+    def spacing_m(self) -> float:
+        """Of voxels that hold the average, between which it is as good as linear."""
+        return self.width_m / _VOXELS_PER_WIDTH
+
+    @property
+    def slant(self) -> float:
+        """Cosine of the ray to the vertical."""
+        return self.width_m / self.length_m if self.length_m else 1.0
+
+    @property
+    def view(self) -> Float[np.ndarray, "3"]:
+        """A direction at the angle to `along` that rays have."""
+        along = np.array(self.along)
+        upward = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        upward /= np.linalg.norm(upward)
+        return self.slant * upward - np.sqrt(1 - self.slant**2) * along
+
+
+POINT = Footprint(0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Rays that are marched alike.
+
+    **Fields:**
+
+    - `footprint`: of their pixels.
+    - `knots`: points of a chord between which winds and masks are taken for linear; 0
+      of rays that miss all air.
+    - `twice`: whether they cross the shell a second time.
+    """
+
+    footprint: Footprint
+    knots: int = 2
+    twice: bool = False
+
+
+def kinds(
+    rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80
+) -> Int[np.ndarray, "rays 7"]:
+    """The kind of each ray, as cells of the fixed grid; `kind_of` reads a row.
+
+    **Arguments:** `shell`: the air that holds all cloud.
+    """
+    chord, again = both_chords(rays, shell, ellipsoid)
+    middle = chord.entry_m + chord.length_m / 2
+    upward, _ = vertical(rays.at(middle), ellipsoid)
+    slant = dot(upward, rays.direction)
+    width = rays.pixel_rad * np.maximum(middle, 1.0)
+    stretch = np.minimum(1 / np.maximum(np.abs(slant), 1e-9), _LONGEST)
+    rung = np.round(_STRETCHES_PER_OCTAVE * np.log2(stretch))
+    level = np.sqrt(np.maximum(1 - slant**2, 1e-12))
+    along = (rays.direction - slant[:, None] * upward) / level[:, None]
+    far = np.maximum(chord.length_m, again.length_m) * level
+    return np.stack(
+        [
+            np.round(_WIDTHS_PER_OCTAVE * np.log2(width)),
+            rung,
+            *np.where(rung > 0, _nearest_direction(along).T, 0),
+            np.where(far > _KNOT_SPACING_M, _MANY_KNOTS, 2) * (chord.length_m > 0),
+            again.length_m > 0,
+        ],
+        axis=-1,
+    ).astype(np.int64)
+
+
+def kind_of(row: Int[np.ndarray, "7"]) -> Kind:
+    """The kind at the middle of a cell."""
+    width = 2.0 ** (row[0] / _WIDTHS_PER_OCTAVE)
+    if row[1] == 0:
+        footprint = Footprint(float(width), float(width))
+    else:
+        stretch = 2.0 ** (row[1] / _STRETCHES_PER_OCTAVE)
+        along = row[2:5] / np.linalg.norm(row[2:5])
+        footprint = Footprint(
+            float(width), float(width * stretch), tuple(along.tolist())
+        )
+    return Kind(footprint, int(row[5]), bool(row[6]))
+
+
+def _nearest_direction(
+    along: Float[np.ndarray, "rays 3"],
+) -> Int[np.ndarray, "rays 3"]:
+    """A direction is the same forwards and backwards."""
+    axes = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=-1, keepdims=True)
+    return _DIRECTIONS[np.abs(along @ axes.T).argmax(-1)]

@@ -1,0 +1,262 @@
+"""The way of a ray through a shell, in small local numbers for the device."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .geodesy import GRS80, Ellipsoid, curvature_radius, vertical
+from .rays import Rays
+from .shells import Chords
+
+
+class Path(eqx.Module):
+    """Chords through one shell, each on the sphere that osculates the ellipsoid.
+
+    **Fields:**
+
+    - `length_m`: of the chord; 0 where the ray misses.
+    - `entry_altitude_m`: geodetic.
+    - `radius_m`: of the osculating sphere in the ray's vertical plane, to the entry.
+    - `direction`: of travel, unit vector, ECEF.
+    - `entry_up`: geodetic vertical at the entry, ECEF.
+    - `ends_m`: distances from the entry at which steps begin and end; None where they
+      are equal.
+    """
+
+    length_m: Float[Array, " rays"]
+    entry_altitude_m: Float[Array, " rays"]
+    radius_m: Float[Array, " rays"]
+    direction: Float[Array, "rays 3"]
+    entry_up: Float[Array, "rays 3"]
+    ends_m: Float[Array, "rays ends"] | None = None
+
+    def distance_m(self, steps: int) -> Float[Array, "rays {steps}"]:
+        """Distances from the entry to the middle of the steps along the chord."""
+        if self.ends_m is not None:
+            return (self.ends_m[:, 1:] + self.ends_m[:, :-1]) / 2
+        fraction = (jnp.arange(steps, dtype=self.length_m.dtype) + 0.5) / steps
+        return self.length_m[:, None] * fraction[None, :]
+
+    def altitude_m(
+        self, distance_m: Float[Array, "rays steps"]
+    ) -> Float[Array, "rays steps"]:
+        """Altitude after a distance from the entry.
+
+        From |r + s d|² = r² + 2 r μ s + s², with the difference of squares divided
+        out, so that nothing large is subtracted and float32 keeps centimetres.
+        """
+        r = self.radius_m[:, None]
+        gained = (2 * r * self._slope()[:, None] + distance_m) * distance_m
+        return self.entry_altitude_m[:, None] + gained / (r + jnp.sqrt(r**2 + gained))
+
+    def distance_to_m(
+        self, altitude_m: Float[Array, "rays points"]
+    ) -> Float[Array, "rays points"]:
+        """Distance from the entry to an altitude, the inverse of `altitude_m`.
+
+        Negative before the entry. The nearer one of two; where the ray never comes so
+        low or so high, that of its turning point or thereabouts.
+        """
+        r, gained = self.radius_m[:, None], altitude_m - self.entry_altitude_m[:, None]
+        gained = (2 * r + gained) * gained
+        slope = r * self._slope()[:, None]
+        root = jnp.sqrt(jnp.maximum(slope**2 + gained, 1.0))
+        return gained / (slope + jnp.where(slope < 0, -root, root))
+
+    def up(
+        self, distance_m: Float[Array, "rays steps"]
+    ) -> Float[Array, "3 rays steps"]:
+        """The vertical after a distance from the entry, unit vectors."""
+        start = self.radius_m[None, :] * self.entry_up.T
+        position = start[..., None] + self.direction.T[..., None] * distance_m[None]
+        return position / jnp.linalg.norm(position, axis=0)[None]
+
+    def branch(
+        self,
+        distance_m: Float[Array, " rays"],
+        direction: Float[Array, "3"],
+        ends_m: Float[Array, "rays ends"],
+    ) -> "Path":
+        """A way that leaves the ray after a distance, in another direction.
+
+        On a sphere of the same curvature at the ground: its altitudes differ from those
+        over the ellipsoid by less than 1 % of the drop of the horizon.
+        """
+        start = distance_m[:, None]
+        altitude = self.altitude_m(start)[:, 0]
+        return Path(
+            length_m=ends_m[:, -1],
+            entry_altitude_m=altitude,
+            radius_m=self.radius_m + (altitude - self.entry_altitude_m),
+            direction=jnp.broadcast_to(direction[None], self.direction.shape),
+            entry_up=self.up(start)[..., 0].T,
+            ends_m=ends_m,
+        )
+
+    def _slope(self) -> Float[Array, " rays"]:
+        return (self.direction * self.entry_up).sum(-1)
+
+
+def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
+    """Bring chords onto the device. Runs on the host in float64."""
+    upward, altitude = vertical(rays.at(chords.entry_m), ellipsoid)
+    ground_radius = curvature_radius(upward, rays.direction, ellipsoid)
+    return Path(
+        length_m=device_array(chords.length_m),
+        entry_altitude_m=device_array(altitude),
+        radius_m=device_array(ground_radius + altitude),
+        direction=device_array(rays.direction),
+        entry_up=device_array(upward),
+    )
+
+
+def points_along(
+    rays: Rays, chord: Chords, knots: int
+) -> list[Float[np.ndarray, "rays 3"]]:
+    """ECEF positions on the chords, equally far apart from the entry to the exit."""
+    return [
+        rays.at(chord.entry_m + chord.length_m * fraction)
+        for fraction in np.linspace(0, 1, knots)
+    ]
+
+
+def middles(parts: int) -> Float[np.ndarray, "{parts}"]:
+    """Of equal parts of a chord, which runs from 0 to 1."""
+    return (np.arange(parts) + 0.5) / parts
+
+
+def along_chord(
+    knots: Sequence[Float[Array, "..."]] | Float[Array, "knots ..."],
+    at: Float[np.ndarray, " points"],
+) -> Float[Array, "... points"]:
+    """From values at the knots, [... 1] each, to parts of the chord from 0 to 1.
+
+    Linear in between; an explicit sum of few terms.
+    """
+    last_axis = (1,) * (jnp.ndim(knots[0]) - 1) + (-1,)
+    first, *rest = hats(len(knots), at)
+    total = knots[0] * first.reshape(last_axis)
+    for i, hat in enumerate(rest, start=1):
+        total = total + knots[i] * hat.reshape(last_axis)
+    return total
+
+
+def hats(knots: int, at: Float[np.ndarray, " points"]) -> Float[np.ndarray, "k points"]:
+    """What each knot, equally far apart from 0 to 1, gives to points in between."""
+    return np.maximum(1 - np.abs(at * (knots - 1) - np.arange(knots)[:, None]), 0)
+
+
+class Profile(eqx.Module):
+    """Values along chords, linear in between.
+
+    **Fields:**
+
+    - `values`: at points equally far apart.
+    - `ends`: whether the ends of the chord are among them; else they are in the middle
+      of equal parts.
+    """
+
+    values: Float[Array, "rays points"]
+    ends: bool = eqx.field(static=True, default=False)
+
+    def in_steps(self, steps: int) -> Float[Array, "rays {steps}"]:
+        """In the middle of equal steps."""
+        points = self.values.shape[-1]
+        if points == steps and not self.ends:
+            return self.values
+        at = middles(steps)
+        share = hats(points, at) if self.ends else to_points(steps, points).T
+        # A product of matrices: into a sum XLA fuses what makes the values, once more
+        # for each step.
+        share = jnp.asarray(share, self.values.dtype)
+        return jnp.matmul(self.values, share, precision="highest")
+
+    def at(self, part: Float[Array, "rays places"]) -> Float[Array, "rays places"]:
+        """At parts of the chord, from 0 to 1; half a step from its ends as there."""
+        last = self.values.shape[-1] - 1
+        place = part * last if self.ends else part * (last + 1) - 0.5
+        place = jnp.clip(place, 0, last)
+        low = jnp.floor(place).astype(jnp.int32)
+        before, after = (
+            jnp.take_along_axis(self.values, i, axis=-1, mode="clip")
+            for i in (low, jnp.minimum(low + 1, last))
+        )
+        return before + (place - low) * (after - before)
+
+
+def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
+    """What each of a chord's steps gives to fewer points in the middle of equal parts.
+
+    Linear between points, so that Σ_s w_s g(s) = Σ_p (w @ to_points)_p g_p.
+    """
+    at = np.clip(middles(steps) * points - 0.5, 0, points - 1)[:, None]
+    return np.maximum(1 - np.abs(at - np.arange(points)), 0)
+
+
+def on_chord(
+    knots: Sequence[Float[Array, "*n"]], at: Float[Array, "*#n"]
+) -> Float[Array, "*n"]:
+    """From values at the knots to any part of the chord, 0 its entry and 1 its exit.
+
+    Linear in between, and beyond as in the first and the last stretch.
+    """
+    stretches = len(knots) - 1
+    total = knots[0]
+    for i in range(stretches):
+        low, high = 0.0 if i else -jnp.inf, 1.0 if i + 1 < stretches else jnp.inf
+        part = jnp.clip(at * stretches - i, low, high)
+        total = total + part * (knots[i + 1] - knots[i])
+    return total
+
+
+def drift_m(
+    vertical: Float[Array, "*n 3"],
+    altitude_m: Float[Array, "*n"],
+    displacement,
+    ellipsoid: Ellipsoid = GRS80,
+) -> Float[Array, "*n 3"]:
+    """From positions to where their air came from, at the same altitude (section 2.2).
+
+    ECEF, on the device: with n the vertical, N the prime-vertical radius and
+    E = diag(1, 1, 1-e²), x = (N E + z) n. The difference of two such is formed from
+    n' - n, so that float32 loses a part in 10⁷ of the drift and not of the Earth.
+
+    **Arguments:**
+
+    - `vertical`: geodetic, unit vectors.
+    - `displacement`: a displacement map.
+    """
+    moved = displacement.displacement_of(vertical)
+    after = vertical + moved
+    e2, a = ellipsoid.eccentricity_squared, ellipsoid.semi_major_m
+    root = jnp.sqrt(1 - e2 * vertical[..., 2] ** 2)
+    root_after = jnp.sqrt(1 - e2 * after[..., 2] ** 2)
+    # N' - N from the difference of the squares under the roots.
+    squares = e2 * moved[..., 2] * (after[..., 2] + vertical[..., 2])
+    swelling = a * squares / (root * root_after * (root + root_after))
+    squash = jnp.asarray([1.0, 1.0, 1 - e2]).reshape((1,) * (moved.ndim - 1) + (3,))
+    level = (a / root_after)[..., None] * moved + swelling[..., None] * vertical
+    return level * squash + altitude_m[..., None] * moved
+
+
+def strain(
+    vertical: Float[Array, "rays 3"], displacement, ellipsoid: Ellipsoid = GRS80
+) -> Float[Array, "rays 3 3"]:
+    """∂x'/∂x of the drift, by the derivative of the interpolated map."""
+
+    def one(n):
+        # Twice as far from the centre, air drifts twice as far.
+        r = jnp.linalg.norm(n)
+        return r * drift_m(n / r, jnp.zeros(()), displacement, ellipsoid)
+
+    gradient = jax.vmap(jax.jacfwd(one))(vertical) / ellipsoid.semi_major_m
+    return jnp.eye(3)[None] + gradient
+
+
+def device_array(x: Float[np.ndarray, "..."]) -> Array:
+    """A host array in the default float of the running JAX, float32 or float64."""
+    return jnp.asarray(x, dtype=float)
