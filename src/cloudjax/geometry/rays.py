@@ -1,6 +1,7 @@
 """Lines of sight, navigated once in float64 on the host."""
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -61,3 +62,17 @@ class GroundPoints:
     latitude_deg: Float[np.ndarray, " rays"]
     longitude_deg: Float[np.ndarray, " rays"]
     distance_m: Float[np.ndarray, " rays"]
+
+
+@runtime_checkable
+class Sensor(Protocol):
+    """Anything that has lines of sight: a camera, a fixed grid."""
+
+    def rays(self) -> Rays:
+        """Give the lines of sight of all pixels."""
+        ...
+
+
+def lines_of_sight(sight: Rays | Sensor) -> Rays:
+    """Give the rays of a sensor; rays are their own."""
+    return sight if isinstance(sight, Rays) else sight.rays()
