@@ -66,9 +66,10 @@ def test_importing_the_renderer_changes_no_configuration_and_opens_no_network():
     [
         *("cloudjax", "cloudjax.geometry.geodesy", "cloudjax.geometry.rays"),
         *("cloudjax.geometry.fixed_grid", "cloudjax.geometry.shells"),
+        "cloudjax.light.planck",
     ],
 )
-def test_importing_the_geometry_of_the_host_loads_no_jax(module):
+def test_importing_what_needs_no_jax_loads_none(module):
     assert _python(f"import sys, {module}\nprint('jax' in sys.modules)") == "False"
 
 
