@@ -15,6 +15,8 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 
+from cloudjax.geometry.geodesy import GRS80
+
 
 SIZE, CHUNK, STEP_RAD = 21696, 226, 1.4e-5
 SCALE, OFFSET, FILL = 0.15859237, -20.289911, 4095
@@ -100,8 +102,8 @@ def write_axes(file: netCDF4.Dataset) -> None:
     projection.setncatts(
         {
             "perspective_point_height": 35786023.0,
-            "semi_major_axis": 6378137.0,
-            "semi_minor_axis": 6356752.31414,
+            "semi_major_axis": GRS80.semi_major_m,
+            "semi_minor_axis": GRS80.semi_minor_m,
             "longitude_of_projection_origin": -75.0,
             "sweep_angle_axis": "x",
         }
