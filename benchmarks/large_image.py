@@ -16,6 +16,7 @@ import netCDF4
 import numpy as np
 
 from cloudjax.geometry.geodesy import GRS80
+from cloudjax_data.whole_files import whole
 
 
 SIZE, CHUNK, STEP_RAD = 21696, 226, 1.4e-5
@@ -72,8 +73,7 @@ def resident_mb(line: str) -> float:
 
 def write_file(path: Path) -> None:
     """A band 2 file, written strip by strip and named when it is whole."""
-    aside = path.with_suffix(".making")
-    with netCDF4.Dataset(aside, "w") as file:
+    with whole(path) as aside, netCDF4.Dataset(aside, "w") as file:
         file.setncatts(
             {
                 "dataset_name": path.name,
@@ -87,7 +87,6 @@ def write_file(path: Path) -> None:
         write_axes(file)
         write_scalars(file)
         write_image(file)
-    aside.rename(path)
 
 
 def write_axes(file: netCDF4.Dataset) -> None:

@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 
 from cloudjax_data import GRID_MAPPING, fixed_grid_coordinates
+from cloudjax_data.whole_files import staged
 from cloudjax_fit.fitting import SimulatedImage, versions
 from cloudjax_fit.targets import Target
 
 from .band_image import BandImage, write_band_picture
 from .netcdf import write_netcdf
 from .quantity import RADIANCE, Quantity
-from .whole_files import staged
 
 
 def image_dataset(
