@@ -10,8 +10,8 @@ point where the light that is seen has turned, a cloud's own light is multiplied
 
 The first is the transmittance of two streams. The second makes slopes that face the sun
 brighter, much as a tilted slab is, by e at most. Nothing changes in a level cloud, and
-nothing under the sun in the zenith for those who look straight down. docs/shadows.md
-has the derivation, what it was measured against, and the limits.
+nothing under the sun in the zenith for those who look straight down.
+docs/theory/shadows.md has the derivation, what it was measured against, and the limits.
 """
 
 from collections.abc import Sequence
