@@ -1,4 +1,4 @@
-"""Temperature, pressure and density of clear air by altitude.
+"""Temperature, pressure and density of clear air depend on altitude here.
 
 The US Standard Atmosphere 1976 (NOAA-S/T 76-1562, table 4 and equations 18, 23, 33),
 and profiles from a weather analysis, both as callables from altitude to temperature.
@@ -55,20 +55,20 @@ def _segments(altitude_m):
 
 
 def temperature_k(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Temperature [K] of the US Standard Atmosphere 1976 at geometric altitude [m].
+    """Return the temperature [K] of the US Standard Atmosphere 1976 at altitudes [m].
 
-    Differentiable but for kinks between layers (11, 20, 32, 47, 51, 71 km'). Outside
-    -5 km to 86 km the value at the end is held.
+    It is differentiable but for kinks between layers (11, 20, 32, 47, 51, 71 km').
+    Outside -5 km to 86 km the value at the end is held.
     """
     warmer = [lapse * height for height, lapse, _ in _segments(altitude_m)]
     return ft.reduce(op.add, warmer) + SEA_LEVEL_TEMPERATURE_K
 
 
 def pressure_pa(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Pressure [Pa] of the US Standard Atmosphere 1976 at geometric altitude [m].
+    """Return the pressure [Pa] of the US Standard Atmosphere 1976 at altitudes [m].
 
-    Hydrostatic, equations (33a) and (33b). Outside -5 km to 86 km the value at the end
-    is held.
+    It is hydrostatic: equations (33a) and (33b) of the standard. Outside -5 km to 86 km
+    the value at the end is held.
     """
     # ∫dH/T; log1p stays accurate at the base of each layer
     paths = [
@@ -80,34 +80,34 @@ def pressure_pa(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*point
 
 
 def density_kg_m3(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Density [kg m⁻³] of the US Standard Atmosphere 1976 at geometric altitude [m]."""
+    """Return density [kg m⁻³] of the US Standard Atmosphere 1976 at altitude [m]."""
     return pressure_pa(altitude_m) / (GAS_CONSTANT_J_KG_K * temperature_k(altitude_m))
 
 
 class AbstractTemperature(eqx.Module):
-    """Air temperature as a function of altitude."""
+    """A temperature of the air is a function of altitude."""
 
     @abc.abstractmethod
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
 
 
 class StandardAtmosphere(AbstractTemperature):
-    """`temperature_k`, warmer by `offset_k` kelvin at every altitude."""
+    """The air is `offset_k` kelvin warmer than `temperature_k` says, everywhere."""
 
     offset_k: Float[ArrayLike, ""] = 0.0
 
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
         return temperature_k(altitude_m) + self.offset_k
 
 
 class TemperatureProfile(AbstractTemperature):
-    """Piecewise linear temperature, such as one column of a weather analysis.
+    """The temperature is linear between levels, such as one column of an analysis.
 
     - `altitude_m`: [level] strictly ascending, at least two.
     - `temperature_k`: [level].
@@ -139,7 +139,7 @@ class TemperatureProfile(AbstractTemperature):
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
         profile = jnp.interp(
             jnp.asarray(altitude_m), self.altitude_m, self.temperature_k
         )

@@ -1,4 +1,4 @@
-"""Weather masks: where each class of cloud may stand, from a weather analysis.
+"""Weather masks say where each class of cloud may stand, from a weather analysis.
 
 Schinder et al. (2024, section 2.2 and Table 1) decide from humidity, temperature and
 vertical wind at one altitude whether a class of cloud is present. Here the decision is
@@ -24,7 +24,8 @@ _ROOT_SOFTENING = 1e-6
 
 
 class Conditions(eqx.Module):
-    """When a class of cloud is present: one row of Schinder et al. (2024), Table 1.
+    """`Conditions` say when a class of cloud is present: one row of Schinder et al.
+    (2024), Table 1.
 
     - `sampling_altitude_m`: where the analysis is sampled.
     - `shell_bottom_m`, `shell_top_m`: the shell the cloud fills.
@@ -93,7 +94,7 @@ def cloud_fraction(
     *,
     omega_sign: float = -1.0,
 ) -> Float[Array, "*points"]:
-    """Fraction of the sky that a class of cloud covers, between 0 and 1.
+    """Return the fraction of the sky that a class of cloud covers, between 0 and 1.
 
     Humidity gives the fraction of Sundqvist et al. (1989, Mon. Wea. Rev. 117, 1641),
     C = 1 - sqrt((1 - RH)/(1 - RH_c)), and the conditions of Table 1 of Schinder et al.
@@ -133,7 +134,8 @@ def cloud_fraction(
 def fraction_to_mask(
     fraction: Float[AnyArray, "*points"], *, smallest: float = 1e-4
 ) -> Float[Array, "*points"]:
-    """The weather mask w = Φ⁻¹(fraction), in units of the cloud function.
+    """Turn a cloud fraction into the weather mask w = Φ⁻¹(fraction), in units of the
+    cloud function.
 
     Textures are standardised, so where their weighted sum has unit variance and a
     normal distribution, the level set `sum + w > 0` covers `fraction`.
@@ -153,7 +155,8 @@ def fraction_to_mask(
 
 
 class MaskGrid(eqx.Module):
-    """A weather mask on a regular grid, to be called with latitudes and longitudes.
+    """A `MaskGrid` holds a weather mask on a regular grid; call it with latitudes and
+    longitudes.
 
     Build it with `MaskGrid.from_fraction`, or from mask values without NaN.
     """
@@ -176,7 +179,7 @@ class MaskGrid(eqx.Module):
         latitude_deg: ArrayLike,
         longitude_deg: ArrayLike,
     ) -> "MaskGrid":
-        """The mask of a cloud fraction; NaN counts as clear.
+        """Make the mask of a cloud fraction; NaN counts as clear.
 
         **Arguments:**
 
@@ -194,7 +197,7 @@ class MaskGrid(eqx.Module):
         latitude_deg: Float[AnyArray, "*points"],
         longitude_deg: Float[AnyArray, "*points"],
     ) -> Float[AnyArray, "*points"]:
-        """The mask at these points [degrees], bilinear; numpy in, numpy out.
+        """Return the mask at these points [degrees], bilinear; numpy in, numpy out.
 
         Outside a regional grid, and between the outermost row and the pole, the value
         of the edge is held.
