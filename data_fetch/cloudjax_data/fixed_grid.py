@@ -1,4 +1,4 @@
-"""The ABI fixed grid: scan angles of pixel centres as seen from a satellite."""
+"""The ABI fixed grid holds scan angles of pixel centres as seen from a satellite."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -17,7 +17,7 @@ SAME_CENTRE_RAD = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class FixedGrid:
-    """Where the pixels of an image look, and from where.
+    """A `FixedGrid` says where the pixels of an image look, and from where.
 
     **Fields:**
 
@@ -40,17 +40,19 @@ class FixedGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Count the rows and columns."""
         return self.y_rad.size, self.x_rad.size
 
     @property
     def step_rad(self) -> float:
-        """The distance between neighbouring columns or, of a single one, rows."""
+        """Give the distance [radians] between neighbouring columns or, of a single one,
+        rows.
+        """
         angles = self.x_rad if self.x_rad.size > 1 else self.y_rad
         return float(abs(angles[-1] - angles[0]) / max(angles.size - 1, 1))
 
     def cf_attributes(self) -> dict[str, Any]:
-        """The attributes of a CF-1.8 `geostationary` grid mapping variable."""
+        """Return the attributes of a CF-1.8 `geostationary` grid mapping variable."""
         a, b = self.semi_major_axis_m, self.semi_minor_axis_m
         return {
             "grid_mapping_name": "geostationary",
@@ -64,7 +66,7 @@ class FixedGrid:
         }
 
     def same_as(self, other: "FixedGrid") -> bool:
-        """Whether both grids have the same pixels, within `SAME_CENTRE_RAD`."""
+        """Tell whether both grids have the same pixels, within `SAME_CENTRE_RAD`."""
         return (
             self.shape == other.shape
             and self.cf_attributes() == other.cf_attributes()
@@ -73,7 +75,7 @@ class FixedGrid:
         )
 
     def coarsened(self, factor: int) -> "FixedGrid":
-        """The grid of blocks of `factor` by `factor` pixels.
+        """Return the grid of blocks of `factor` by `factor` pixels.
 
         Raises `ValueError` when the blocks do not fill the grid.
         """
@@ -89,7 +91,7 @@ class FixedGrid:
 
 
 def fixed_grid_coordinates(grid: FixedGrid) -> dict[str, xr.DataArray]:
-    """The xarray coordinates of a grid: `x`, `y` and the grid mapping variable.
+    """Return the xarray coordinates of a grid: `x`, `y` and the grid mapping variable.
 
     Pass them as `coords` of a Dataset or DataArray, and name the mapping in each
     variable: `encoding["grid_mapping"] = GRID_MAPPING`. (In the encoding, because
