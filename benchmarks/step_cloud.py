@@ -8,13 +8,10 @@ error of the mean, and root-mean-square error of the 32 columns.
 import argparse
 from pathlib import Path
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
-    POINT,
-    BandRadiances,
     GriddedCloud,
     Layer,
     PlaneParallel,
@@ -24,10 +21,9 @@ from cloudjax import (
     Shadows,
     Shell,
     Slabs,
-    StandardAtmosphere,
-    navigate,
+    UniformGround,
+    look,
     radiances,
-    sample,
 )
 from cloudjax.geometry.geodesy import ecef
 
@@ -59,11 +55,8 @@ def nadir_reflectance(zenith_deg: float, albedo: float, steps: int) -> np.ndarra
     down = np.broadcast_to([-1.0, 0.0, 0.0], (COLUMNS, 3))
     rays = Rays(ecef(zero, longitude, zero) - 1e5 * down, down, 1e-4)
     θ = np.radians(zenith_deg)
-    view = navigate(scene, rays, np.array([np.cos(θ), -np.sin(θ), 0.0]))
-    textures = tuple(layer.cloud.make_textures(POINT, 0) for layer in scene.layers)
-    sampled = eqx.filter_jit(sample)(scene, view, textures)
-    dark = BandRadiances(jnp.zeros((1, COLUMNS)), None)
-    seen = eqx.filter_jit(radiances)(scene, sampled, dark).reflective
+    view = look(scene, rays, np.array([np.cos(θ), -np.sin(θ), 0.0]))
+    seen = radiances(scene, view).reflective
     assert seen is not None
     return np.asarray(seen[0], float) / np.cos(θ)
 
@@ -90,7 +83,8 @@ def step_cloud(albedo: float, shadows: Shadows | None) -> Scene:
     )
     band = ReflectiveBands((2,), jnp.ones(1), path=jnp.zeros(1), gain=jnp.ones(1))
     slabs = Slabs(PlaneParallel.load())
-    return Scene((layer,), band, None, slabs, StandardAtmosphere(), shadows=shadows)
+    black = UniformGround(albedo=0.0)
+    return Scene((layer,), band, None, slabs, shadows=shadows, ground=black)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ from .air.atmosphere import (
     TemperatureProfile as TemperatureProfile,
 )
 from .air.clear_air import Air as Air
+from .air.profile_grid import ProfileGrid as ProfileGrid
+from .air.profile_grid import TemperatureGrid as TemperatureGrid
 from .clouds.classes import ClassTexture as ClassTexture
 from .clouds.classes import CloudClass as CloudClass
 from .clouds.classes import cloud_classes as cloud_classes
@@ -41,31 +43,19 @@ from .clouds.texture import (
 )
 from .geometry.camera import Camera as Camera
 from .geometry.fixed_grid import FixedGrid as FixedGrid
-from .geometry.footprint import POINT as POINT
 from .geometry.footprint import Footprint as Footprint
+from .geometry.footprint import Sampling as Sampling
 from .geometry.geodesy import GRS80 as GRS80
 from .geometry.geodesy import Ellipsoid as Ellipsoid
+from .geometry.geodesy import sun_over as sun_over
 from .geometry.latlon_grid import LatLonGrid as LatLonGrid
 from .geometry.rays import Rays as Rays
+from .geometry.rays import Sensor as Sensor
 from .geometry.shells import Shell as Shell
-from .image.render import (
-    Image as Image,
-)
-from .image.render import (
-    Prepared as Prepared,
-)
-from .image.render import (
-    Weather as Weather,
-)
-from .image.render import (
-    prepare as prepare,
-)
-from .image.render import (
-    render as render,
-)
-from .image.render import (
-    sample_rays as sample_rays,
-)
+from .image.render import Image as Image
+from .image.render import PreparedImage as PreparedImage
+from .image.render import prepare as prepare
+from .image.render import render as render
 from .light.bands import (
     EmissiveBands as EmissiveBands,
 )
@@ -73,6 +63,9 @@ from .light.bands import (
     ReflectiveBands as ReflectiveBands,
 )
 from .light.emission import EmittingSlabs as EmittingSlabs
+from .light.ground import AbstractGround as AbstractGround
+from .light.ground import ClearSky as ClearSky
+from .light.ground import UniformGround as UniformGround
 from .light.optics import ICE as ICE
 from .light.optics import WATER as WATER
 from .light.optics import Particles as Particles
@@ -96,37 +89,16 @@ from .light.reflection import Illumination as Illumination
 from .light.reflection import Scatterers as Scatterers
 from .light.reflection import Slabs as Slabs
 from .light.reflection import TwoFlux as TwoFlux
-from .march.radiances import (
-    CloudProducts as CloudProducts,
-)
-from .march.radiances import (
-    products as products,
-)
-from .march.radiances import (
-    radiances as radiances,
-)
-from .march.scene import (
-    BandRadiances as BandRadiances,
-)
-from .march.scene import (
-    Layer as Layer,
-)
-from .march.scene import (
-    Sampled as Sampled,
-)
-from .march.scene import (
-    Scene as Scene,
-)
-from .march.scene import (
-    View as View,
-)
-from .march.scene import (
-    navigate as navigate,
-)
-from .march.scene import (
-    sample as sample,
-)
+from .march.products import CloudProducts as CloudProducts
+from .march.radiances import products as products
+from .march.radiances import radiances as radiances
+from .march.radiances import radiances_and_products as radiances_and_products
+from .march.scene import BandRadiances as BandRadiances
+from .march.scene import Layer as Layer
+from .march.scene import Scene as Scene
 from .march.shadows import Shadows as Shadows
+from .march.view import View as View
+from .march.view import look as look
 from .weather.advection import (
     DisplacementMap as DisplacementMap,
 )
@@ -142,9 +114,11 @@ from .weather.advection import (
 from .weather.advection import (
     propagate as propagate,
 )
+from .weather.masks import AbstractMask as AbstractMask
 from .weather.masks import (
     Conditions as Conditions,
 )
+from .weather.masks import DrawnMask as DrawnMask
 from .weather.masks import (
     MaskGrid as MaskGrid,
 )

@@ -10,6 +10,7 @@ import operator as op
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
@@ -93,11 +94,22 @@ class AbstractTemperature(eqx.Module):
     ) -> Float[Array, "*points"]:
         """Return the temperature [K] at geometric altitudes [m]."""
 
+    def at(
+        self,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+        altitude_m: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, " points"] | None:
+        """Return the temperature [K] at places, on the host, or None if it is
+        everywhere the same at an altitude.
+        """
+        return None
+
 
 class StandardAtmosphere(AbstractTemperature):
     """The air is `offset_k` kelvin warmer than `temperature_k` says, everywhere."""
 
-    offset_k: Float[ArrayLike, ""] = 0.0
+    offset_k: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
@@ -118,7 +130,7 @@ class TemperatureProfile(AbstractTemperature):
 
     altitude_m: Float[Array, " level"] = eqx.field(converter=jnp.asarray)
     temperature_k: Float[Array, " level"] = eqx.field(converter=jnp.asarray)
-    offset_k: Float[ArrayLike, ""] = 0.0
+    offset_k: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __check_init__(self):
         levels = self.altitude_m.size

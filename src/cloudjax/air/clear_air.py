@@ -13,7 +13,7 @@ the ray need no change.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -23,13 +23,14 @@ from jaxtyping import Array, Float, Int
 
 from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.path import device_array
-from cloudjax.geometry.rays import Rays
+from cloudjax.geometry.rays import GroundPoints, Rays
 from cloudjax.geometry.shells import Shell
 from cloudjax.light.bands import EmissiveBands, ReflectiveBands
 
 from . import gases, rayleigh
 from .atmosphere import EARTH_RADIUS_M, AbstractTemperature
 from .gases import LEVELS_M, Columns
+from .profile_grid import ProfileGrid
 
 
 # Straight up from sea level; what is thinner is left out of a band.
@@ -43,7 +44,8 @@ class Column(eqx.Module):
 
     **Fields:**
 
-    - `above`: absorbers, straight up.
+    - `above`: absorbers, straight up; None where they are those of the scene's own
+      temperature and humidity.
     - `temperature_k`: None where the scene's own serves.
     - `view`, `sun`: one over the lengths of slants, which are cosines but near the
       horizon.
@@ -51,7 +53,7 @@ class Column(eqx.Module):
     - `scattering`: cosine of the angle between the sun's rays and the light seen.
     """
 
-    above: Columns
+    above: Columns | None
     temperature_k: Float[Array, "rays levels"] | None
     view: Float[Array, " rays"]
     sun: Float[Array, " rays"]
@@ -64,7 +66,9 @@ class Air(eqx.Module):
 
     **Fields:**
 
-    - `specific_humidity`: at `gases.LEVELS_M`, where the weather gives none.
+    - `specific_humidity`: at `gases.LEVELS_M`, where there are no `profiles`.
+    - `profiles`: temperature and humidity that differ from place to place; None for
+      the scene's own temperature everywhere.
     - `absorbed`, `scattered`: the ABI bands in which gases and Rayleigh scattering
       count. What is not listed is neither computed nor compiled.
     """
@@ -72,12 +76,14 @@ class Air(eqx.Module):
     specific_humidity: Float[Array, " levels"]
     absorbed: tuple[int, ...] = eqx.field(static=True)
     scattered: tuple[int, ...] = eqx.field(static=True)
+    profiles: ProfileGrid | None = None
 
     @classmethod
     def of_bands(
         cls,
         bands: Sequence[int],
         specific_humidity: Float[np.ndarray, " levels"] | None = None,
+        profiles: ProfileGrid | None = None,
     ) -> "Air":
         """Make the air with every part that is thicker than 0.005 in a band, straight
         up through the US standard atmosphere.
@@ -90,42 +96,28 @@ class Air(eqx.Module):
             device_array(specific_humidity),
             tuple(b for b, counts in zip(bands, absorbed, strict=True) if counts),
             tuple(b for b, counts in zip(bands, scattered, strict=True) if counts),
+            profiles,
         )
 
-    def navigate(
+    def look(
         self,
         rays: Rays,
+        ground: GroundPoints,
         sun_direction: Float[np.ndarray, "3"],
-        temperature: AbstractTemperature,
-        profile: Callable | None = None,
     ) -> Column:
-        """Find the air along rays, on the host, as it is where they meet the ground.
-
-        **Arguments:**
-
-        - `temperature`: of the scene.
-        - `profile`: a callable (latitude, longitude) → temperature in kelvin and
-          specific humidity at `gases.LEVELS_M`, [points levels] both, where air differs
-          from place to place; None for that of the scene.
-        """
-        ground, _ = rays.ground()
+        """Find the air along rays, on the host, as it is where they meet the ground."""
         φ, λ = ground.latitude_deg, ground.longitude_deg
         vertical = up(φ, λ)
         sun = (vertical * sun_direction).sum(-1)
-        if profile is None:
-            kelvin = np.asarray(temperature(LEVELS_M), float)
-            above = gases.columns(kelvin, np.asarray(self.specific_humidity, float))
-            above = jax.tree.map(
-                lambda x: np.broadcast_to(x, (len(rays), len(LEVELS_M))), above
-            )
-            known = None
-        else:
-            kelvin, humidity = profile(φ, λ)
-            above, known = gases.columns(kelvin, humidity), device_array(kelvin)
+        above = known = None
+        if self.profiles is not None:
+            kelvin, humidity = self.profiles(φ, λ)
+            above = jax.tree.map(device_array, gases.columns(kelvin, humidity))
+            known = device_array(kelvin)
         # The shadow is z = R μ²/2 high where the sun is below the horizon.
         shadow = EARTH_RADIUS_M / 2 * np.minimum(sun, 0) ** 2 / _SCALE_HEIGHT_M
         return Column(
-            jax.tree.map(device_array, above),
+            above,
             known,
             view=device_array(1 / gases.airmass(-(vertical * rays.direction).sum(-1))),
             sun=device_array(1 / gases.airmass(sun)),
@@ -133,32 +125,49 @@ class Air(eqx.Module):
             scattering=device_array(rays.direction @ sun_direction),
         )
 
+    def above(self, column: Column, temperature: AbstractTemperature) -> Columns:
+        """Return the absorbers above `LEVELS_M` along each ray, straight up.
+
+        **Arguments:** `temperature`: of the scene.
+        """
+        if column.above is not None:
+            return column.above
+        same = gases.columns(temperature(LEVELS_M), self.specific_humidity)
+        shape = (*column.sun.shape, len(LEVELS_M))
+        return jax.tree.map(lambda x: jnp.broadcast_to(x[None], shape), same)
+
     def emission(
         self, bands: EmissiveBands, column: Column, temperature: AbstractTemperature
     ) -> "Emission":
         """Find what the air above each of `gases.LEVELS_M` emits and lets through,
         along each ray.
         """
+        above = self.above(column, temperature)
         kelvin = column.temperature_k
         if kelvin is None:
             kelvin = temperature(LEVELS_M)[None]
-        shape = (len(bands.numbers), *column.above.pressure.shape)
+        shape = (len(bands.numbers), *above.pressure.shape)
         planck = jnp.broadcast_to(bands.planck(kelvin), shape)
         through, own = jnp.ones_like(planck), jnp.zeros_like(planck)
         rows = _rows(bands.numbers, self.absorbed)
         if rows.size:
             slant = 1 / column.view[:, None]
-            depth = gases.optical_depth(_of(bands.numbers, rows), column.above, slant)
+            depth = gases.optical_depth(_of(bands.numbers, rows), above, slant)
             sent = _emission(planck[rows], depth)
             through, own = through.at[rows].set(sent[0]), own.at[rows].set(sent[1])
         return Emission(planck, through, own)
 
     def veil(
-        self, bands: ReflectiveBands, column: Column, altitude_m: Float[Array, " rays"]
+        self,
+        bands: ReflectiveBands,
+        column: Column,
+        temperature: AbstractTemperature,
+        altitude_m: Float[Array, " rays"],
     ) -> "Veil":
         """Find how the air above these altitudes [m] dims and brightens sunlight."""
         place = _Place.at(altitude_m[:, None])
-        above = jax.tree.map(lambda x: place.read(x)[:, 0], column.above)
+        above = self.above(column, temperature)
+        above = jax.tree.map(lambda x: place.read(x)[:, 0], above)
         path = jnp.zeros((len(bands.numbers), *altitude_m.shape))
         passed, albedo = jnp.ones_like(path), jnp.zeros_like(path)
         rows = _rows(bands.numbers, self.scattered)

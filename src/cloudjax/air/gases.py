@@ -53,30 +53,31 @@ class Columns(eqx.Module):
 
 
 def columns(
-    temperature_k: Float[np.ndarray, "*n levels"],
-    specific_humidity: Float[np.ndarray, "*n levels"],
+    temperature_k: Float[AnyArray, "*n levels"],
+    specific_humidity: Float[AnyArray, "*n levels"],
 ) -> Columns:
     """Integrate profiles at `LEVELS_M`, temperature in kelvin and humidity in kg/kg, to
-    the columns above each level; in numpy.
+    the columns above each level; numpy in, numpy out.
 
     Pressure is hydrostatic from 1013.25 hPa at sea level. Precipitable water is
     ∫ q dp/g (Peixoto & Oort 1992, eq. 12.8). Ozone is that of the standard at the same
     pressure.
     """
     q = specific_humidity
+    xp = np if isinstance(temperature_k, np.ndarray) else jnp
     virtual = temperature_k * (1 + (1 / LIGHTNESS - 1) * q)
     g = GRAVITY_M_S2 * (EARTH_RADIUS_M / (EARTH_RADIUS_M + LEVELS_M)) ** 2
     steepness = g / (GAS_CONSTANT_J_KG_K * virtual)
     fall = _means(steepness) * np.diff(LEVELS_M)
-    start = np.zeros_like(fall[..., :1])
-    pressure = np.exp(-np.concatenate([start, np.cumsum(fall, axis=-1)], axis=-1))
+    start = xp.zeros_like(fall[..., :1])
+    pressure = xp.exp(-xp.concatenate([start, xp.cumsum(fall, axis=-1)], axis=-1))
     vapour = q * pressure / (LIGHTNESS + (1 - LIGHTNESS) * q)
-    cold = np.exp(CONTINUUM_K * (1 / temperature_k - 1 / 296))
+    cold = xp.exp(CONTINUUM_K * (1 / temperature_k - 1 / 296))
     # 0.1 g/cm² is 1 kg/m²; 1 atm is 101325 Pa.
-    gram = -np.diff(pressure, axis=-1) * 0.1 * 101325 / GRAVITY_M_S2
+    gram = -xp.diff(pressure, axis=-1) * 0.1 * 101325 / GRAVITY_M_S2
     standard = _table()["standard"]
     ozone, ozone_pressure = (
-        np.interp(-pressure, -standard["pressure_atm"], standard[name])
+        xp.interp(-pressure, -standard["pressure_atm"], standard[name])
         for name in ("ozone_atm_cm", "ozone_pressure_atm")
     )
     return Columns(
@@ -155,8 +156,9 @@ def _means(levels):
 
 def _upwards(layers):
     """Sums of all layers above each level."""
-    total = np.cumsum(layers[..., ::-1], axis=-1)[..., ::-1]
-    return np.concatenate([total, np.zeros_like(layers[..., :1])], axis=-1)
+    xp = np if isinstance(layers, np.ndarray) else jnp
+    total = xp.cumsum(layers[..., ::-1], axis=-1)[..., ::-1]
+    return xp.concatenate([total, xp.zeros_like(layers[..., :1])], axis=-1)
 
 
 @ft.cache

@@ -5,6 +5,7 @@ averaged once. The kinds are cells of a fixed grid in size and orientation, so t
 same pixel gets the same textures however an image is cut into tiles.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,6 +95,28 @@ POINT = Footprint(0.0, 0.0)
 
 
 @dataclass(frozen=True)
+class Sampling:
+    """A `Sampling` says how densely clouds are read along rays of one kind, and how
+    that is held.
+
+    What rays of different kinds need can be joined only where it is held at the same
+    points. All ways of holding are exact: the march sees the same values.
+
+    **Fields:**
+
+    - `footprint`: of the pixels.
+    - `knots`: points of a chord at which masks and winds are read, linear in between.
+    - `held_knots`: at which masks are held.
+    - `at_steps`: whether what textures gave is held at every step of the march.
+    """
+
+    footprint: Footprint
+    knots: int = 2
+    held_knots: int = 2
+    at_steps: bool = False
+
+
+@dataclass(frozen=True)
 class Kind:
     """Rays of one kind are marched alike.
 
@@ -108,6 +131,11 @@ class Kind:
     footprint: Footprint
     knots: int = 2
     twice: bool = False
+
+    @property
+    def sampling(self) -> Sampling:
+        """Give the sampling that rays of this kind alone need."""
+        return Sampling(self.footprint, self.knots, self.knots)
 
 
 def kinds(
@@ -159,3 +187,19 @@ def _nearest_direction(
     """A direction is the same forwards and backwards."""
     axes = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=-1, keepdims=True)
     return _DIRECTIONS[np.abs(along @ axes.T).argmax(-1)]
+
+
+def grouped(
+    rows: Int[np.ndarray, "rays 7"],
+) -> Iterator[tuple[Kind, Int[np.ndarray, " members"]]]:
+    """Yield each kind of ray with the numbers of its rays, by rows of `kinds`."""
+    # One number per row: rows themselves sort twenty times as slowly.
+    low, high = rows.min(0).astype(np.int64), rows.max(0).astype(np.int64)
+    sizes = high - low + 1
+    packed = np.ravel_multi_index(tuple((rows - low).T), tuple(sizes))
+    found, counts = np.unique(packed, return_counts=True)
+    order = np.argsort(packed, kind="stable")
+    found = np.stack(np.unravel_index(found, tuple(sizes)), axis=-1) + low
+    members = np.split(order, np.cumsum(counts)[:-1])
+    for row, some in zip(found, members, strict=True):
+        yield kind_of(row), some

@@ -190,3 +190,16 @@ def intersect(
     half = np.sqrt(np.where(hit, 1 - miss2, 0) / d_norm2)
     a = ellipsoid.semi_major_m
     return (closest - half) * a, (closest + half) * a, hit
+
+
+def sun_over(
+    latitude_deg: float, longitude_deg: float, *, zenith_deg: float, azimuth_deg: float
+) -> Float[np.ndarray, "3"]:
+    """Return the direction of a sun that stands so over a place: a unit vector, ECEF.
+
+    **Arguments:** `zenith_deg`: from straight up; `azimuth_deg`: clockwise from north.
+    """
+    θ, α = np.radians([zenith_deg, azimuth_deg])
+    east, north, vertical = east_north_up(latitude_deg, longitude_deg)
+    level = np.sin(α) * east + np.cos(α) * north
+    return np.cos(θ) * vertical + np.sin(θ) * level

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -84,11 +83,10 @@ class Path(eqx.Module):
     def branch(
         self,
         distance_m: Float[Array, " rays"],
-        direction: Float[Array, "3"],
+        direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
     ) -> "Path":
-        """Return the path that leaves the ray after a distance [m], in another
-        direction.
+        """Leave the rays after a distance [m], in another direction.
 
         It runs over a sphere of the same curvature at the ground: its altitudes differ
         from those over the ellipsoid by less than 1 % of the drop of the horizon.
@@ -99,7 +97,7 @@ class Path(eqx.Module):
             length_m=ends_m[:, -1],
             entry_altitude_m=altitude,
             radius_m=self.radius_m + (altitude - self.entry_altitude_m),
-            direction=jnp.broadcast_to(direction[None], self.direction.shape),
+            direction=direction,
             entry_up=self.up(start)[..., 0].T,
             ends_m=ends_m,
         )
@@ -186,6 +184,21 @@ class Profile(eqx.Module):
         share = jnp.asarray(share, self.values.dtype)
         return jnp.matmul(self.values, share, precision="highest")
 
+    def with_knots(self, knots: int) -> "Profile":
+        """Hold the same values at more points; exact where old points remain points.
+
+        **Raises:** `ValueError` where they do not.
+        """
+        stretches = self.values.shape[-1] - 1
+        if knots - 1 == stretches:
+            return self
+        if not self.ends or (knots - 1) % stretches:
+            raise ValueError(f"{stretches + 1} points cannot be held as {knots}.")
+        at = np.linspace(0, 1, knots)
+        share = jnp.asarray(hats(stretches + 1, at), self.values.dtype)
+        values = jnp.matmul(self.values, share, precision="highest")
+        return Profile(values, ends=True)
+
     def at(self, part: Float[Array, "rays places"]) -> Float[Array, "rays places"]:
         """Return the values at parts of the chord, from 0 to 1; within half a step of
         its ends they are held.
@@ -226,51 +239,6 @@ def on_chord(
         part = jnp.clip(at * stretches - i, low, high)
         total = total + part * (knots[i + 1] - knots[i])
     return total
-
-
-def drift_m(
-    vertical: Float[Array, "*n 3"],
-    altitude_m: Float[Array, "*n"],
-    displacement,
-    ellipsoid: Ellipsoid = GRS80,
-) -> Float[Array, "*n 3"]:
-    """Return the vector [m] from positions to where their air came from, at the same
-    altitude (Schinder et al. 2024, section 2.2).
-
-    It is found in ECEF, on the device: with n the vertical, N the prime-vertical radius
-    and E = diag(1, 1, 1-e²), x = (N E + z) n. The difference of two such is formed from
-    n' - n, so that float32 loses a part in 10⁷ of the drift and not of the Earth.
-
-    **Arguments:**
-
-    - `vertical`: geodetic, unit vectors.
-    - `displacement`: a displacement map.
-    """
-    moved = displacement.displacement_of(vertical)
-    after = vertical + moved
-    e2, a = ellipsoid.eccentricity_squared, ellipsoid.semi_major_m
-    root = jnp.sqrt(1 - e2 * vertical[..., 2] ** 2)
-    root_after = jnp.sqrt(1 - e2 * after[..., 2] ** 2)
-    # N' - N from the difference of the squares under the roots.
-    squares = e2 * moved[..., 2] * (after[..., 2] + vertical[..., 2])
-    swelling = a * squares / (root * root_after * (root + root_after))
-    squash = jnp.asarray([1.0, 1.0, 1 - e2]).reshape((1,) * (moved.ndim - 1) + (3,))
-    level = (a / root_after)[..., None] * moved + swelling[..., None] * vertical
-    return level * squash + altitude_m[..., None] * moved
-
-
-def strain(
-    vertical: Float[Array, "rays 3"], displacement, ellipsoid: Ellipsoid = GRS80
-) -> Float[Array, "rays 3 3"]:
-    """Return ∂x'/∂x of the drift, by the derivative of the interpolated map."""
-
-    def one(n):
-        # Twice as far from the centre, air drifts twice as far.
-        r = jnp.linalg.norm(n)
-        return r * drift_m(n / r, jnp.zeros(()), displacement, ellipsoid)
-
-    gradient = jax.vmap(jax.jacfwd(one))(vertical) / ellipsoid.semi_major_m
-    return jnp.eye(3)[None] + gradient
 
 
 def device_array(x: Float[np.ndarray, "..."]) -> Array:

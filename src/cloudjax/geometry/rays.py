@@ -1,6 +1,7 @@
 """Lines of sight are navigated once, in float64 on the host."""
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -65,3 +66,17 @@ class GroundPoints:
     latitude_deg: Float[np.ndarray, " rays"]
     longitude_deg: Float[np.ndarray, " rays"]
     distance_m: Float[np.ndarray, " rays"]
+
+
+@runtime_checkable
+class Sensor(Protocol):
+    """A sensor is anything that has lines of sight: a camera, a fixed grid."""
+
+    def rays(self) -> Rays:
+        """Return the lines of sight of all pixels."""
+        ...
+
+
+def lines_of_sight(sight: Rays | Sensor) -> Rays:
+    """Return the rays of a sensor; rays are returned as they are."""
+    return sight if isinstance(sight, Rays) else sight.rays()

@@ -6,14 +6,20 @@ a cloud *fraction* with soft edges, and the mask that enters the cloud function 
 probit, so that a standardised texture cut at zero covers just that fraction.
 """
 
+import abc
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
+from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid, Scalar
+
+from .advection import DisplacementMap
 
 
 # Narrower edges than this are indistinguishable from a step, and its square still
@@ -154,7 +160,21 @@ def fraction_to_mask(
     )
 
 
-class MaskGrid(eqx.Module):
+class AbstractMask(eqx.Module):
+    """A mask says where the weather lets a class of cloud stand: it is w of the cloud
+    function.
+    """
+
+    @abc.abstractmethod
+    def __call__(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points"]:
+        """Read the mask at these places [degrees]; numpy in, numpy out."""
+
+
+class MaskGrid(AbstractMask):
     """A `MaskGrid` holds a weather mask on a regular grid; call it with latitudes and
     longitudes.
 
@@ -204,3 +224,24 @@ class MaskGrid(eqx.Module):
         """
         nodes = self.mask[..., None]
         return self.grid.sample(nodes, latitude_deg, longitude_deg)[..., 0]
+
+
+class DrawnMask(AbstractMask):
+    """A `DrawnMask` is a weather mask that the wind has drawn out.
+
+    **Fields:** `mask`: before. `displacement`: from where air is to where it was then.
+    """
+
+    mask: AbstractMask
+    displacement: DisplacementMap
+
+    def __call__(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points"]:
+        """Read the mask where the air at these places [degrees] came from."""
+        places = np.asarray(latitude_deg), np.asarray(longitude_deg)
+        source = self.displacement.upwind(up(*places))
+        φ = np.degrees(np.arcsin(np.clip(source[..., 2], -1, 1)))
+        return self.mask(φ, np.degrees(np.arctan2(source[..., 1], source[..., 0])))
