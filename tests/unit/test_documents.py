@@ -20,6 +20,7 @@ PAGES = sorted(
 # What a changelog names may be gone.
 PRESENT = [page for page in PAGES if page.name != "CHANGELOG.md"]
 PACKAGES = ("src", "data_fetch", "scenes", "fit", "cli")
+OFFERING = ("cloudjax", "cloudjax_data", "cloudjax_scenes", "cloudjax_fit")
 SOURCES = (*PACKAGES, "tests", "tools", "benchmarks")
 KINDS = (".py", ".pyi", ".toml", ".jinja", ".sh")
 
@@ -220,6 +221,18 @@ def test_dotted_names_exist(page):
     codes = [c for c in _inline(page) if not c.endswith((".py", ".toml"))]
     for name in {n for code in codes for n in DOTTED.findall(code)}:
         _resolve(name)
+
+
+@each_present_page
+def test_members_of_public_classes_exist(page):
+    """`Class.member`, for what a package offers."""
+    offered = [importlib.import_module(name) for name in OFFERING]
+    for code in _inline(page):
+        if match := re.match(r"([A-Z]\w+)\.([a-z]\w*)", code):
+            classes = [getattr(package, match[1], None) for package in offered]
+            for found in filter(None, classes):
+                fields = getattr(found, "__dataclass_fields__", {})
+                assert match[2] in fields or hasattr(found, match[2]), f"`{code}`"
 
 
 @each_present_page
