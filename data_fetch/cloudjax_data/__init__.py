@@ -1,4 +1,4 @@
-"""GOES and GFS files, read into typed scenes. Needs no jax."""
+"""This package reads and fetches GOES and GFS files; it needs no jax."""
 
 from .abi import AbiBand as AbiBand
 from .abi import read_band as read_band

@@ -1,4 +1,4 @@
-"""One band of one scan, from an ABI L1b, CMI or multi-band CMI file."""
+"""One band of one scan is read from an ABI L1b, CMI or multi-band CMI file."""
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -28,7 +28,7 @@ GOOD, CONDITIONALLY_USABLE = 0, 1
 
 @dataclass(frozen=True, eq=False)
 class AbiBand:
-    """The radiances of one band.
+    """An `AbiBand` holds the radiances of one band.
 
     **Fields:**
 
@@ -60,12 +60,12 @@ class AbiBand:
 
     @property
     def units(self) -> str:
-        """Units of the radiance; they differ between bands 6 and 7."""
+        """Give the units of the radiance; they differ between bands 6 and 7."""
         return self.calibration.units
 
     @property
     def time(self) -> datetime:
-        """The middle of the scan."""
+        """Give the middle of the scan."""
         return self.start + (self.end - self.start) / 2
 
 

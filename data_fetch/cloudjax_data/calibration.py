@@ -1,4 +1,6 @@
-"""Radiance to reflectance or brightness temperature, and back, as the file says."""
+"""Radiance is turned into reflectance or brightness temperature and back, as the file
+says.
+"""
 
 from dataclasses import dataclass
 
@@ -24,7 +26,7 @@ _FK2_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class ReflectiveCalibration:
-    """Bands 1 to 6: radiance in W m-2 sr-1 um-1.
+    """Bands 1 to 6 have radiance in W m-2 sr-1 um-1.
 
     **Fields:**
 
@@ -40,13 +42,14 @@ class ReflectiveCalibration:
 
     @property
     def units(self) -> str:
-        """Units of the radiance."""
+        """Give the units of the radiance."""
         return WAVELENGTH_UNITS
 
     def reflectance(
         self, radiance: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """Reflectance factor, 0 to 1 and not divided by the cosine of the solar zenith.
+        """Return the reflectance factor, 0 to 1 and not divided by the cosine of the
+        solar zenith angle.
 
         Negative where the radiance is: detector noise about zero is kept.
         """
@@ -55,11 +58,11 @@ class ReflectiveCalibration:
     def radiance(
         self, reflectance: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """The inverse of `reflectance`."""
+        """Invert `reflectance`."""
         return reflectance / self.reflectance_per_radiance
 
     def inconsistency(self) -> str | None:
-        """What is wrong with the coefficients, or None if they agree."""
+        """Say what is wrong with the coefficients, or return None if they agree."""
         d, esun = self.earth_sun_distance_au, self.solar_irradiance_w_m2_um
         ratio = self.reflectance_per_radiance * esun / (np.pi * d**2)
         if abs(ratio - 1) <= _KAPPA0_TOLERANCE:
@@ -69,7 +72,7 @@ class ReflectiveCalibration:
 
 @dataclass(frozen=True)
 class EmissiveCalibration:
-    """Bands 7 to 16: radiance in mW m-2 sr-1 (cm-1)-1.
+    """Bands 7 to 16 have radiance in mW m-2 sr-1 (cm-1)-1.
 
     **Fields:**
 
@@ -86,13 +89,14 @@ class EmissiveCalibration:
 
     @property
     def units(self) -> str:
-        """Units of the radiance."""
+        """Give the units of the radiance."""
         return WAVENUMBER_UNITS
 
     def brightness_temperature_k(
         self, radiance: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """Brightness temperature; NaN only where the radiance is NaN.
+        """Return the brightness temperature [K]; it is NaN only where the radiance is
+        NaN.
 
         Negative radiances are noise of cold scenes and have no temperature: they get
         that of the smallest positive count (197.5 K in band 7).
@@ -111,7 +115,7 @@ class EmissiveCalibration:
         return self.fk1, self.fk2, self.bc1, self.bc2
 
     def inconsistency(self) -> str | None:
-        """What is wrong with the coefficients, or None if they agree."""
+        """Say what is wrong with the coefficients, or return None if they agree."""
         wavenumber = np.cbrt(self.fk1 / FIRST_RADIATION_CONSTANT)
         ratio = self.fk2 / (SECOND_RADIATION_CONSTANT_CM_K * wavenumber)
         if abs(ratio - 1) <= _FK2_TOLERANCE:

@@ -27,7 +27,7 @@ def cf_attributes(grid: FixedGrid) -> dict[str, Any]:
 
 
 def fixed_grid_coordinates(grid: FixedGrid) -> dict[str, xr.DataArray]:
-    """The xarray coordinates of a grid: `x`, `y` and the grid mapping variable.
+    """Return the xarray coordinates of a grid: `x`, `y` and the grid mapping variable.
 
     Pass them as `coords` of a Dataset or DataArray, and name the mapping in each
     variable: `encoding["grid_mapping"] = GRID_MAPPING`. (In the encoding, because

@@ -1,4 +1,4 @@
-"""Where the sun stands, and how far."""
+"""The sun has a direction and a distance at each time."""
 
 from datetime import datetime
 
@@ -11,7 +11,8 @@ _RADIUS_M = 6_378_140.0
 
 
 def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
-    """Unit vector from the Earth's centre to the sun, in Earth-fixed (ECEF) axes.
+    """Return the unit vector from the Earth's centre to the sun, in Earth-fixed (ECEF)
+    axes.
 
     **Arguments:**
 
@@ -41,7 +42,9 @@ def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
 
 
 def earth_sun_distance_au(time: datetime) -> float:
-    """Distance from the Earth to the sun in astronomical units (Reda and Andreas)."""
+    """Return the distance from the Earth to the sun in astronomical units (Reda and
+    Andreas).
+    """
     import pandas as pd
     from pvlib.solarposition import nrel_earthsun_distance
 

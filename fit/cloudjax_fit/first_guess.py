@@ -1,7 +1,7 @@
 """Where fits of a class of cloud start, and how far the priors let them go.
 
 Histograms tell optical depth: extinction times thickness. What makes water of it is how
-thick clouds are, which must be known beforehand (docs/light.md).
+thick clouds are, which must be known beforehand (docs/theory/light.md).
 """
 
 from dataclasses import dataclass
@@ -53,9 +53,10 @@ START = {
         Shell(4000.0, 11000.0), 5000.0, 9000.0, 500.0, 0.0053, (4300.0, 11500.0)
     ),
 }
-# Marine stratocumulus is 200 to 400 m thick, of 0.2 to 0.6 g/m³ (docs/light.md has the
-# sources). From altostratus to cirrus, tops rise with depth. Absorption in the infrared
-# is known for a size: 9 to 12 µm of droplets, 20 to 60 of crystals change it by 10 %.
+# Marine stratocumulus is 200 to 400 m thick, of 0.2 to 0.6 g/m³ (docs/theory/light.md
+# has the sources). From altostratus to cirrus, tops rise with depth. Absorption in the
+# infrared is known for a size: 9 to 12 µm of droplets, 20 to 60 of crystals change it
+# by 10 %.
 PUBLISHED = {
     "low_stratus": Start(
         Shell(300.0, 2500.0), 600.0, 700.0, 100.0, 0.04, (400.0, 2500.0), -1.2,

@@ -83,7 +83,7 @@ class Light:
 
 LIGHTS = {
     # All extinction sends light back, which is (1 - g)/2 of it for g = 0.85
-    # (docs/paper.md).
+    # (docs/theory/paper.md).
     "paper": Light(lambda: TwoFlux(indirect=jnp.asarray(0.3)), (1 - 0.85) / 2),
     "physical": Light(
         lambda: Slabs(PlaneParallel.load()),

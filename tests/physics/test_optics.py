@@ -10,7 +10,7 @@ import pytest
 from cloudjax.light.optics import ICE, WATER, Particles, ice, water
 
 
-DOCUMENT = Path(__file__).parents[2] / "docs/optics.md"
+DOCUMENT = Path(__file__).parents[2] / "docs/theory/optics.md"
 
 # Hu & Stamnes (1993), at the bands' central wavelengths, from libRadtran's data files:
 # radius in µm: band: extinction in m²/g, asymmetry.
@@ -115,8 +115,8 @@ def test_crystals_are_those_of_fu():
 def test_the_paper_s_figure_7_is_what_the_code_gives():
     """Geometry: stratus (10 µm, 0.35 g/m³), cirrus (45 µm, 0.01 g/m³), 16 bands.
 
-    Expectation: docs/optics.md. Source: Schinder et al. (2024, Fig. 7), with its slip
-    of radius and diameter resolved there. Tolerance: the three digits printed.
+    Expectation: docs/theory/optics.md. Source: Schinder et al. (2024, Fig. 7), with its
+    slip of radius and diameter resolved there. Tolerance: the three digits printed.
     """
     text = DOCUMENT.read_text(encoding="utf-8")
     rows = [line.strip("| ").split("|") for line in text.splitlines()]

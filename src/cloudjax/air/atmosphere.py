@@ -57,20 +57,20 @@ def _segments(altitude_m):
 
 
 def temperature_k(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Temperature [K] of the US Standard Atmosphere 1976 at geometric altitude [m].
+    """Return the temperature [K] of the US Standard Atmosphere 1976 at altitudes [m].
 
-    Differentiable but for kinks between layers (11, 20, 32, 47, 51, 71 km'). Outside
-    -5 km to 86 km the value at the end is held.
+    It is differentiable but for kinks between layers (11, 20, 32, 47, 51, 71 km').
+    Outside -5 km to 86 km the value at the end is held.
     """
     warmer = [lapse * height for height, lapse, _ in _segments(altitude_m)]
     return ft.reduce(op.add, warmer) + SEA_LEVEL_TEMPERATURE_K
 
 
 def pressure_pa(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Pressure [Pa] of the US Standard Atmosphere 1976 at geometric altitude [m].
+    """Return the pressure [Pa] of the US Standard Atmosphere 1976 at altitudes [m].
 
-    Hydrostatic, equations (33a) and (33b). Outside -5 km to 86 km the value at the end
-    is held.
+    It is hydrostatic: equations (33a) and (33b) of the standard. Outside -5 km to 86 km
+    the value at the end is held.
     """
     # ∫dH/T; log1p stays accurate at the base of each layer
     paths = [
@@ -82,13 +82,13 @@ def pressure_pa(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*point
 
 
 class AbstractTemperature(eqx.Module):
-    """Air temperature as a function of altitude."""
+    """A temperature of the air is a function of altitude."""
 
     @abc.abstractmethod
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Give the temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
 
     def at(
         self,
@@ -96,25 +96,26 @@ class AbstractTemperature(eqx.Module):
         longitude_deg: Float[np.ndarray, " points"],
         altitude_m: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, " points"] | None:
-        """Give the temperature [K] at places, on the host; None if it is everywhere
-        the same at an altitude."""
+        """Return the temperature [K] at places, on the host, or None if it is
+        everywhere the same at an altitude.
+        """
         return None
 
 
 class StandardAtmosphere(AbstractTemperature):
-    """`temperature_k`, warmer by `offset_k` kelvin at every altitude."""
+    """The air is `offset_k` kelvin warmer than `temperature_k` says, everywhere."""
 
     offset_k: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
         return temperature_k(altitude_m) + self.offset_k
 
 
 class TemperatureProfile(AbstractTemperature):
-    """Piecewise linear temperature, such as one column of a weather analysis.
+    """The temperature is linear between levels, such as one column of an analysis.
 
     - `altitude_m`: [level] strictly ascending, at least two.
     - `temperature_k`: [level].
@@ -146,7 +147,7 @@ class TemperatureProfile(AbstractTemperature):
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
         profile = jnp.interp(
             jnp.asarray(altitude_m), self.altitude_m, self.temperature_k
         )

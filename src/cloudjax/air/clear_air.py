@@ -1,4 +1,4 @@
-"""Clear air above clouds and ground: what it takes, what it emits, what it scatters.
+"""Clear air above clouds and ground absorbs, emits and scatters light.
 
 **Emission.** Let t(z) be the transmittance from altitude z to space along a ray, A(z)
 the radiance of the air above z. A black body at z is seen as
@@ -40,7 +40,7 @@ _SCALE_HEIGHT_M = 8e3
 
 
 class Column(eqx.Module):
-    """The air along each ray, at `gases.LEVELS_M`.
+    """A column is the air along each ray, at the altitudes `gases.LEVELS_M`.
 
     **Fields:**
 
@@ -62,7 +62,7 @@ class Column(eqx.Module):
 
 
 class Air(eqx.Module):
-    """The air of a scene. Viewers are above it.
+    """This is the air of a scene; viewers are above it.
 
     **Fields:**
 
@@ -85,7 +85,9 @@ class Air(eqx.Module):
         specific_humidity: Float[np.ndarray, " levels"] | None = None,
         profiles: ProfileGrid | None = None,
     ) -> "Air":
-        """Take all that is thicker than 0.005 in the US standard atmosphere."""
+        """Make the air with every part that is thicker than 0.005 in a band, straight
+        up through the US standard atmosphere.
+        """
         if specific_humidity is None:
             specific_humidity = gases.standard_humidity()
         scattered = gases.scattering_depth(bands) > LEAST_DEPTH
@@ -103,7 +105,7 @@ class Air(eqx.Module):
         ground: GroundPoints,
         sun_direction: Float[np.ndarray, "3"],
     ) -> Column:
-        """Read the air along rays, on the host, as it is where they meet the ground."""
+        """Find the air along rays, on the host, as it is where they meet the ground."""
         φ, λ = ground.latitude_deg, ground.longitude_deg
         vertical = up(φ, λ)
         sun = (vertical * sun_direction).sum(-1)
@@ -124,7 +126,7 @@ class Air(eqx.Module):
         )
 
     def above(self, column: Column, temperature: AbstractTemperature) -> Columns:
-        """Give the absorbers above `LEVELS_M` along each ray, straight up.
+        """Return the absorbers above `LEVELS_M` along each ray, straight up.
 
         **Arguments:** `temperature`: of the scene.
         """
@@ -137,7 +139,9 @@ class Air(eqx.Module):
     def emission(
         self, bands: EmissiveBands, column: Column, temperature: AbstractTemperature
     ) -> "Emission":
-        """Find the emission of the air above `LEVELS_M`, along each ray."""
+        """Find what the air above each of `gases.LEVELS_M` emits and lets through,
+        along each ray.
+        """
         above = self.above(column, temperature)
         kelvin = column.temperature_k
         if kelvin is None:
@@ -160,7 +164,7 @@ class Air(eqx.Module):
         temperature: AbstractTemperature,
         altitude_m: Float[Array, " rays"],
     ) -> "Veil":
-        """Find what is between the altitudes and the viewer, and the sun."""
+        """Find how the air above these altitudes [m] dims and brightens sunlight."""
         place = _Place.at(altitude_m[:, None])
         above = self.above(column, temperature)
         above = jax.tree.map(lambda x: place.read(x)[:, 0], above)
@@ -188,7 +192,8 @@ class Air(eqx.Module):
 
 
 class Emission(eqx.Module):
-    """Of air along rays, at `gases.LEVELS_M`.
+    """This is what the air along rays emits, at `gases.LEVELS_M`, in the units of the
+    bands.
 
     **Fields:**
 
@@ -204,7 +209,8 @@ class Emission(eqx.Module):
     def black_bodies(
         self, altitude_m: Float[Array, "rays steps"], shell: Shell
     ) -> Float[Array, "bands rays steps"]:
-        """J: at the air's temperature, seen from space, at altitudes within a shell.
+        """Return J, the radiance of black bodies as warm as the air, seen from space,
+        at altitudes [m] within a shell.
 
         Its logarithm is linear between levels, as Planck's nearly is.
         """
@@ -221,13 +227,15 @@ class Emission(eqx.Module):
         return jnp.exp(found)
 
     def above(self, altitude_m: Float[Array, " rays"]) -> Float[Array, "bands rays"]:
-        """Radiance of the air above."""
+        """Return the radiance of the air above these altitudes [m]."""
         return _Place.at(altitude_m[:, None]).read(self.own)[..., 0]
 
     def over(
         self, radiance: Float[Array, "bands rays"], altitude_m: Float[Array, " rays"]
     ) -> Float[Array, "bands rays"]:
-        """What leaves the ground at these altitudes, seen from space."""
+        """Return how radiance that leaves the ground at these altitudes [m] is seen
+        from space.
+        """
         place = _Place.at(altitude_m[:, None])
         return (
             place.read(self.through)[..., 0] * radiance + place.read(self.own)[..., 0]
@@ -235,7 +243,7 @@ class Emission(eqx.Module):
 
 
 class Veil(eqx.Module):
-    """Air over something bright.
+    """A veil is the air in front of something that reflects sunlight.
 
     **Fields:**
 
@@ -251,7 +259,8 @@ class Veil(eqx.Module):
     def over(
         self, reflectance: Float[Array, "bands rays"], sun: Float[Array, " rays"]
     ) -> Float[Array, "bands rays"]:
-        """Reflectance factor of what is below, through the air, without `path`.
+        """Return the reflectance factor of what is below, seen through the air, without
+        `path`.
 
         **Arguments:** `sun`: of the `Column`.
         """

@@ -1,4 +1,4 @@
-"""Temperature and humidity of the air above any place, on a grid."""
+"""Temperature and humidity of the air may differ from place to place, on a grid."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,7 +14,8 @@ Profiles = tuple[Float[np.ndarray, "points levels"], Float[np.ndarray, "points l
 
 
 class ProfileGrid(eqx.Module):
-    """Profiles at `gases.LEVELS_M` that differ from place to place.
+    """A `ProfileGrid` holds profiles at `gases.LEVELS_M` that differ from place to
+    place.
 
     **Fields:**
 
@@ -31,7 +32,7 @@ class ProfileGrid(eqx.Module):
         latitude_deg: Float[np.ndarray, " points"],
         longitude_deg: Float[np.ndarray, " points"],
     ) -> Profiles:
-        """Interpolate temperature in kelvin and humidity to places, bilinear."""
+        """Interpolate temperature [K] and humidity [kg/kg] to places, bilinear."""
         kelvin, humidity = (
             np.asarray(self.grid.sample(nodes, latitude_deg, longitude_deg))
             for nodes in (self.temperature_k, self.specific_humidity)
@@ -40,7 +41,8 @@ class ProfileGrid(eqx.Module):
 
 
 class TemperatureGrid(AbstractTemperature):
-    """Air temperature that differs from place to place, at equally spaced altitudes.
+    """The temperature of the air differs from place to place, at equally spaced
+    altitudes.
 
     For scenes without air; with air the temperature comes with its profiles.
 
@@ -56,7 +58,7 @@ class TemperatureGrid(AbstractTemperature):
     spacing_m: float = eqx.field(static=True)
 
     def __call__(self, altitude_m):
-        """Average over all places [K] at geometric altitude [m]."""
+        """Return the average over all places [K] at geometric altitudes [m]."""
         levels = self.spacing_m * np.arange(self.temperature_k.shape[-1])
         mean = self.temperature_k.mean(axis=(0, 1))
         return jnp.interp(jnp.asarray(altitude_m), jnp.asarray(levels, float), mean)
@@ -67,7 +69,9 @@ class TemperatureGrid(AbstractTemperature):
         longitude_deg: Float[np.ndarray, " points"],
         altitude_m: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, " points"]:
-        """Interpolate to places, on the host; bilinear, linear in altitude."""
+        """Interpolate the temperature [K] to places, on the host; bilinear, linear in
+        altitude.
+        """
         nodes = np.asarray(self.temperature_k)
         count = nodes.shape[-1]
         level = np.clip(altitude_m / self.spacing_m, 0, count - 1)

@@ -1,4 +1,4 @@
-"""The fixed grid of a geostationary imager (GOES-R PUG volume 3, section 5.1.2.8)."""
+"""Geostationary imagers have a fixed grid (GOES-R PUG volume 3, section 5.1.2.8)."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -31,7 +31,7 @@ SAME_CENTRE_RAD = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class FixedGrid:
-    """Scan angles of a geostationary imager, as its files hold them.
+    """A `FixedGrid` holds the scan angles of a geostationary imager, as its files do.
 
     **Fields:**
 
@@ -55,7 +55,7 @@ class FixedGrid:
     def abi_full_disc(
         resolution_km: float, subsatellite_longitude_deg: float = GOES_EAST_DEG
     ) -> "FixedGrid":
-        """The full disc of ABI.
+        """Make the full disc of ABI.
 
         **Arguments:** `resolution_km`: 0.5, 1, 2, 4 or 10.
         """
@@ -67,7 +67,8 @@ class FixedGrid:
     def abi_conus(
         resolution_km: float, subsatellite_longitude_deg: float = GOES_EAST_DEG
     ) -> "FixedGrid":
-        """The regional sector of ABI: CONUS from within a degree of 75 W, else PACUS.
+        """Make the regional sector of ABI: CONUS from within a degree of 75 W, else
+        PACUS.
 
         From elsewhere than 137 W it shows the part of the disc that PACUS would, east
         and west of the sub-satellite meridian alike.
@@ -87,7 +88,7 @@ class FixedGrid:
         longitude_deg: float,
         subsatellite_longitude_deg: float = GOES_EAST_DEG,
     ) -> "FixedGrid":
-        """A mesoscale sector of ABI, centred within 10 km (at nadir) of a place.
+        """Make a mesoscale sector of ABI, centred within 10 km (at nadir) of a place.
 
         Its pixels are those of the full disc.
 
@@ -144,7 +145,7 @@ class FixedGrid:
 
     @property
     def satellite_m(self) -> Float[np.ndarray, "3"]:
-        """Where the satellite stands, ECEF."""
+        """Give the place of the satellite [m], ECEF."""
         distance = self.ellipsoid.semi_major_m + self.perspective_height_m
         return -distance * self._axes[0]
 
@@ -159,7 +160,7 @@ class FixedGrid:
     def scan_angles_rad(
         self, latitude_deg: float, longitude_deg: float
     ) -> tuple[float, float]:
-        """The scan angles x and y of a place on the ground.
+        """Return the scan angles x and y [radians] of a place on the ground.
 
         **Raises:** `ValueError` where the satellite does not see it.
         """
@@ -176,7 +177,7 @@ class FixedGrid:
         return float(np.arctan2(east, inward)), float(np.arcsin(north))
 
     def rays(self, pixels: Int[np.ndarray, " rays"] | None = None) -> Rays:
-        """Lines of sight of the pixels with these flat indices, or of all.
+        """Return the lines of sight of the pixels with these flat indices, or of all.
 
         Flat indices count row by row: `rays` = y * x.
         """

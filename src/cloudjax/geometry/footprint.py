@@ -1,4 +1,4 @@
-"""What a pixel averages: an ellipsoid about its line of sight.
+"""A pixel averages over an ellipsoid about its line of sight.
 
 All rays of one image are sorted into a few kinds of footprint, whose textures are
 averaged once. The kinds are cells of a fixed grid in size and orientation, so that the
@@ -42,7 +42,7 @@ _MANY_KNOTS = 9
 
 @dataclass(frozen=True)
 class Footprint:
-    """A kind of pixel.
+    """A `Footprint` is one kind of pixel, by its size and direction.
 
     A ray passes over the structure within its pixel at all heights, but textures are as
     blunt upwards as across: waves much shorter than the pixel that survive an average
@@ -62,7 +62,9 @@ class Footprint:
 
     @property
     def covariance_m2(self) -> Float[np.ndarray, "3 3"]:
-        """Of the average: 0.64 of a uniform box of these lengths, width²/12."""
+        """Give the covariance [m²] of the Gaussian average: 0.64 of that of a uniform
+        box of these lengths, which is width²/12.
+        """
         along = np.array(self.along)
         longer = self.length_m**2 - self.width_m**2
         box = (self.width_m**2 * np.eye(3) + longer * np.outer(along, along)) / 12
@@ -70,17 +72,19 @@ class Footprint:
 
     @property
     def spacing_m(self) -> float:
-        """Of voxels that hold the average, between which it is as good as linear."""
+        """Give the spacing [m] of voxels between which the averaged texture is as good
+        as linear.
+        """
         return self.width_m / _VOXELS_PER_WIDTH
 
     @property
     def slant(self) -> float:
-        """Cosine of the ray to the vertical."""
+        """Give the cosine of the angle between ray and vertical."""
         return self.width_m / self.length_m if self.length_m else 1.0
 
     @property
     def view(self) -> Float[np.ndarray, "3"]:
-        """A direction at the angle to `along` that rays have."""
+        """Give a unit vector that stands to `along` as the rays of this kind do."""
         along = np.array(self.along)
         upward = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
         upward /= np.linalg.norm(upward)
@@ -92,7 +96,8 @@ POINT = Footprint(0.0, 0.0)
 
 @dataclass(frozen=True)
 class Sampling:
-    """How densely clouds are read along rays of one kind, and how that is held.
+    """A `Sampling` says how densely clouds are read along rays of one kind, and how
+    that is held.
 
     What rays of different kinds need can be joined only where it is held at the same
     points. All ways of holding are exact: the march sees the same values.
@@ -113,7 +118,7 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Kind:
-    """Rays that are marched alike.
+    """Rays of one kind are marched alike.
 
     **Fields:**
 
@@ -129,14 +134,14 @@ class Kind:
 
     @property
     def sampling(self) -> Sampling:
-        """Read and hold what rays of this kind alone need."""
+        """Give the sampling that rays of this kind alone need."""
         return Sampling(self.footprint, self.knots, self.knots)
 
 
 def kinds(
     rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80
 ) -> Int[np.ndarray, "rays 7"]:
-    """The kind of each ray, as cells of the fixed grid; `kind_of` reads a row.
+    """Sort rays into kinds, each a cell of the fixed grid; `kind_of` reads a row.
 
     **Arguments:** `shell`: the air that holds all cloud.
     """
@@ -163,7 +168,7 @@ def kinds(
 
 
 def kind_of(row: Int[np.ndarray, "7"]) -> Kind:
-    """The kind at the middle of a cell."""
+    """Return the kind at the middle of a cell."""
     width = 2.0 ** (row[0] / _WIDTHS_PER_OCTAVE)
     if row[1] == 0:
         footprint = Footprint(float(width), float(width))
@@ -187,7 +192,7 @@ def _nearest_direction(
 def grouped(
     rows: Int[np.ndarray, "rays 7"],
 ) -> Iterator[tuple[Kind, Int[np.ndarray, " members"]]]:
-    """Give each kind of ray with the numbers of its rays, by rows of `kinds`."""
+    """Yield each kind of ray with the numbers of its rays, by rows of `kinds`."""
     # One number per row: rows themselves sort twenty times as slowly.
     low, high = rows.min(0).astype(np.int64), rows.max(0).astype(np.int64)
     sizes = high - low + 1

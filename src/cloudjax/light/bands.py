@@ -1,4 +1,4 @@
-"""Spectral bands: radiance of reflected sunlight and of emission, in file units.
+"""Bands turn reflected sunlight and emission into radiance, in the units of files.
 
 Reflective bands are in W m⁻² sr⁻¹ µm⁻¹, emissive ones in mW m⁻² sr⁻¹ (cm⁻¹)⁻¹, as in
 ABI L1b files, whose own coefficients are the fields here. Band 7 reflects and emits:
@@ -17,7 +17,7 @@ EMISSIVE_UNITS = "mW m-2 sr-1 (cm-1)-1"
 
 
 class ReflectiveBands(eqx.Module):
-    """Bands that see reflected sunlight.
+    """`ReflectiveBands` see reflected sunlight.
 
     **Fields:**
 
@@ -35,16 +35,18 @@ class ReflectiveBands(eqx.Module):
     def radiance(
         self, reflectance: Float[Array, "bands rays"]
     ) -> Float[Array, "bands rays"]:
+        """Return the radiance of reflectance factors."""
         return reflectance / self.reflectance_per_radiance[:, None]
 
     def reflectance(
         self, radiance: Float[Array, "bands rays"]
     ) -> Float[Array, "bands rays"]:
+        """Return the reflectance factors of radiances."""
         return radiance * self.reflectance_per_radiance[:, None]
 
 
 class EmissiveBands(eqx.Module):
-    """Bands that see thermal emission.
+    """`EmissiveBands` see thermal emission.
 
     **Fields:**
 
@@ -73,7 +75,7 @@ class EmissiveBands(eqx.Module):
     def brightness_temperature_k(
         self, radiance: Float[Array, "bands rays"]
     ) -> Float[Array, "bands rays"]:
-        """The inverse of `planck`; radiances that are not positive give 0 K."""
+        """Invert `planck`; radiances that are not positive give 0 K."""
         fk1, fk2, bc1, bc2 = (
             c[:, None] for c in (self.fk1, self.fk2, self.bc1, self.bc2)
         )

@@ -1,4 +1,5 @@
-"""What is below the clouds: ground and sea, or clear radiances that were observed.
+"""The ground lies below the clouds: land and sea, or clear radiances that were
+observed.
 
 A ground answers in two parts, as a source of cloud does: `look` reads on the host what
 depends on places, `seen` finds radiances from that and from the ground's parameters.
@@ -21,7 +22,7 @@ from .bands import EmissiveBands, ReflectiveBands
 
 
 class Leaving(eqx.Module):
-    """Light that leaves the ground towards the rays.
+    """This is the light that leaves the ground towards the rays.
 
     **Fields:**
 
@@ -34,7 +35,8 @@ class Leaving(eqx.Module):
 
 
 class GroundSamples(eqx.Module):
-    """What is known of the places where rays meet the ground, rays first.
+    """`GroundSamples` hold what is known of the places where rays meet the ground, rays
+    first.
 
     **Fields:**
 
@@ -69,7 +71,7 @@ class GroundSamples(eqx.Module):
 
 
 class AbstractGround(eqx.Module):
-    """Ground and sea below a scene.
+    """A ground is land and sea below a scene.
 
     **Fields:** `under_air`: whether the air of the scene lies over what `seen` gives;
     not so for radiances that were observed from space.
@@ -103,7 +105,7 @@ class AbstractGround(eqx.Module):
 
 
 class UniformGround(AbstractGround):
-    """The same Lambertian ground everywhere, at sea level.
+    """This ground is Lambertian and the same everywhere, at sea level.
 
     **Fields:**
 
@@ -134,7 +136,7 @@ class UniformGround(AbstractGround):
 
 
 class Lambertian(eqx.Module):
-    """Properties of the ground below each ray.
+    """These are the properties of the ground below each ray.
 
     **Fields:** `albedo`, `emissivity`: by band; None where no such band is asked.
     `temperature_k`: of the skin.
@@ -146,7 +148,7 @@ class Lambertian(eqx.Module):
 
 
 class AbstractMappedGround(AbstractGround):
-    """Lambertian ground whose properties differ from place to place.
+    """This ground is Lambertian, with properties that differ from place to place.
 
     Kinds of it say in `look` what they are, as `Lambertian` properties.
     """
@@ -163,14 +165,17 @@ class AbstractMappedGround(AbstractGround):
 
 
 class ClearRadiances(eqx.Module):
-    """Of each ray, in the units of the bands; None where no such band is asked."""
+    """These are the clear radiances of each ray, in the units of the bands; None where
+    no such band is asked.
+    """
 
     reflective: Float[Array, "rays reflective"] | None
     emissive: Float[Array, "rays emissive"] | None
 
 
 class ClearSky(AbstractGround):
-    """Radiances without cloud as they were observed from space, on a grid.
+    """A `ClearSky` holds radiances without cloud as they were observed from space, on a
+    grid.
 
     They hold the light of the air already.
 

@@ -14,8 +14,8 @@ nothing under the sun in the zenith for those who look straight down.
 
 Where light turns depends on the clouds, and a view on geometry alone. So the clouds
 are sampled towards the sun from a few points of each ray, and both depths are linear in
-between. docs/shadows.md has the derivation, what it was measured against, and the
-limits.
+between. docs/theory/shadows.md has the derivation, what it was measured against, and
+the limits.
 """
 
 from collections.abc import Sequence

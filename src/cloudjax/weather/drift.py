@@ -1,4 +1,4 @@
-"""Where the air at a position came from, and how it was strained on the way."""
+"""The wind carries air from upwind positions and strains it on the way."""
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,8 @@ def drift_m(
     displacement: DisplacementMap,
     ellipsoid: Ellipsoid = GRS80,
 ) -> Float[Array, "*n 3"]:
-    """Find the way from positions to where their air came from, at the same altitude.
+    """Find the vector [m] from positions to where their air came from, at the same
+    altitude (Schinder et al. 2024, section 2.2).
 
     Schinder et al. 2024, section 2.2.
 

@@ -1,4 +1,4 @@
-"""Weather masks: where each class of cloud may stand, from a weather analysis.
+"""Weather masks say where each class of cloud may stand, from a weather analysis.
 
 Schinder et al. (2024, section 2.2 and Table 1) decide from humidity, temperature and
 vertical wind at one altitude whether a class of cloud is present. Here the decision is
@@ -30,7 +30,8 @@ _ROOT_SOFTENING = 1e-6
 
 
 class Conditions(eqx.Module):
-    """When a class of cloud is present: one row of Schinder et al. (2024), Table 1.
+    """`Conditions` say when a class of cloud is present: one row of Schinder et al.
+    (2024), Table 1.
 
     - `sampling_altitude_m`: where the analysis is sampled.
     - `shell_bottom_m`, `shell_top_m`: the shell the cloud fills.
@@ -99,7 +100,7 @@ def cloud_fraction(
     *,
     omega_sign: float = -1.0,
 ) -> Float[Array, "*points"]:
-    """Fraction of the sky that a class of cloud covers, between 0 and 1.
+    """Return the fraction of the sky that a class of cloud covers, between 0 and 1.
 
     Humidity gives the fraction of Sundqvist et al. (1989, Mon. Wea. Rev. 117, 1641),
     C = 1 - sqrt((1 - RH)/(1 - RH_c)), and the conditions of Table 1 of Schinder et al.
@@ -139,7 +140,8 @@ def cloud_fraction(
 def fraction_to_mask(
     fraction: Float[AnyArray, "*points"], *, smallest: float = 1e-4
 ) -> Float[Array, "*points"]:
-    """The weather mask w = Φ⁻¹(fraction), in units of the cloud function.
+    """Turn a cloud fraction into the weather mask w = Φ⁻¹(fraction), in units of the
+    cloud function.
 
     Textures are standardised, so where their weighted sum has unit variance and a
     normal distribution, the level set `sum + w > 0` covers `fraction`.
@@ -159,7 +161,9 @@ def fraction_to_mask(
 
 
 class AbstractMask(eqx.Module):
-    """Where the weather lets a class of cloud stand: w of the cloud function."""
+    """A mask says where the weather lets a class of cloud stand: it is w of the cloud
+    function.
+    """
 
     @abc.abstractmethod
     def __call__(
@@ -171,7 +175,8 @@ class AbstractMask(eqx.Module):
 
 
 class MaskGrid(AbstractMask):
-    """A weather mask on a regular grid, to be called with latitudes and longitudes.
+    """A `MaskGrid` holds a weather mask on a regular grid; call it with latitudes and
+    longitudes.
 
     Build it with `MaskGrid.from_fraction`, or from mask values without NaN.
     """
@@ -194,7 +199,7 @@ class MaskGrid(AbstractMask):
         latitude_deg: ArrayLike,
         longitude_deg: ArrayLike,
     ) -> "MaskGrid":
-        """The mask of a cloud fraction; NaN counts as clear.
+        """Make the mask of a cloud fraction; NaN counts as clear.
 
         **Arguments:**
 
@@ -212,7 +217,7 @@ class MaskGrid(AbstractMask):
         latitude_deg: Float[AnyArray, "*points"],
         longitude_deg: Float[AnyArray, "*points"],
     ) -> Float[AnyArray, "*points"]:
-        """The mask at these points [degrees], bilinear; numpy in, numpy out.
+        """Return the mask at these points [degrees], bilinear; numpy in, numpy out.
 
         Outside a regional grid, and between the outermost row and the pole, the value
         of the edge is held.
@@ -222,7 +227,7 @@ class MaskGrid(AbstractMask):
 
 
 class DrawnMask(AbstractMask):
-    """A weather mask that the wind has drawn out.
+    """A `DrawnMask` is a weather mask that the wind has drawn out.
 
     **Fields:** `mask`: before. `displacement`: from where air is to where it was then.
     """

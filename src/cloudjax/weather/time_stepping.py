@@ -1,4 +1,4 @@
-"""Explicit steps of ordinary differential equations, all of equal length."""
+"""Ordinary differential equations are integrated in explicit steps of equal length."""
 
 import abc
 from collections.abc import Callable
@@ -15,14 +15,14 @@ class AbstractScheme(eqx.Module):
 
     @abc.abstractmethod
     def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
-        """y at t + step."""
+        """Return y at t + step."""
 
 
 class RungeKutta4(AbstractScheme):
-    """The classical fourth-order method."""
+    """This is the classical fourth-order method."""
 
     def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
-        """y at t + step."""
+        """Return y at t + step."""
         k1 = rate(y, t)
         k2 = rate(y + step / 2 * k1, t + step / 2)
         k3 = rate(y + step / 2 * k2, t + step / 2)
