@@ -12,10 +12,15 @@ from .air.atmosphere import (
     TemperatureProfile as TemperatureProfile,
 )
 from .air.clear_air import Air as Air
+from .clouds.class_files import class_table as class_table
+from .clouds.class_files import cloud_classes as cloud_classes
+from .clouds.class_files import imagery_classes as imagery_classes
+from .clouds.class_files import load_classes as load_classes
+from .clouds.class_parameters import ClassParameter as ClassParameter
+from .clouds.class_parameters import Prior as Prior
 from .clouds.classes import ClassTexture as ClassTexture
 from .clouds.classes import CloudClass as CloudClass
-from .clouds.classes import cloud_classes as cloud_classes
-from .clouds.classes import load_classes as load_classes
+from .clouds.classes import ImageryRule as ImageryRule
 from .clouds.cloud_function import CloudFunction as CloudFunction
 from .clouds.fractal import (
     FractalCloud as FractalCloud,
@@ -66,12 +71,11 @@ from .image.render import (
 from .image.render import (
     sample_rays as sample_rays,
 )
-from .light.bands import (
-    EmissiveBands as EmissiveBands,
-)
-from .light.bands import (
-    ReflectiveBands as ReflectiveBands,
-)
+from .light.bands import Band as Band
+from .light.bands import EmissiveBands as EmissiveBands
+from .light.bands import ReflectiveBands as ReflectiveBands
+from .light.bands import bands_named as bands_named
+from .light.bands import nominal_bands as nominal_bands
 from .light.emission import EmittingSlabs as EmittingSlabs
 from .light.optics import ICE as ICE
 from .light.optics import WATER as WATER
@@ -96,6 +100,7 @@ from .light.reflection import Illumination as Illumination
 from .light.reflection import Scatterers as Scatterers
 from .light.reflection import Slabs as Slabs
 from .light.reflection import TwoFlux as TwoFlux
+from .march.layer import class_layer as class_layer
 from .march.radiances import (
     CloudProducts as CloudProducts,
 )
@@ -127,6 +132,9 @@ from .march.scene import (
     sample as sample,
 )
 from .march.shadows import Shadows as Shadows
+from .parameters import paths as paths
+from .parameters import put as put
+from .parameters import value_at as value_at
 from .weather.advection import (
     DisplacementMap as DisplacementMap,
 )
