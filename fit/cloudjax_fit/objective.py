@@ -5,6 +5,7 @@ Levenberg-Marquardt find the parameters from every start (docs/decisions.md).
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -12,12 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cloudjax import BandRadiances, Sampled, Scene, radiances, sample_rays
+from cloudjax import BandRadiances, FractalCloud, Sampled, Scene, radiances, sample_rays
 from cloudjax_data import sun_direction
 from cloudjax_scenes.cloud_rule import CloudRule
-from cloudjax_scenes.weather_analysis import Analysis
+from cloudjax_scenes.imagery_scene import SceneFromImagery
 
-from .fitted_scene import background, weather_of
 from .histogram import Bins, cumulative, spline_histogram
 from .parameters import Parameter, put_all, values_of
 from .targets import Target, block_of_pixels
@@ -45,7 +45,7 @@ class Problem(eqx.Module):
 
     **Fields:**
 
-    - `scene`: at the parameters' defaults.
+    - `scene`: at the parameters' defaults; without seeds, which serve no more.
     - `sampled`, `background`: of the rays.
     - `bins`, `observed`: of each of the scene's bands: [bands] and [bands bins].
     - `cloud_fraction`: observed, of the whole image.
@@ -151,9 +151,9 @@ def _coverage(weights, problem: Problem) -> Float[Array, " one_and_blocks"]:
 
 def pose(
     target: Target,
+    made_of: SceneFromImagery,
     scene: Scene,
     parameters: Sequence[Parameter],
-    analysis: Analysis | None = None,
     *,
     rays: int,
     seed: int,
@@ -163,28 +163,34 @@ def pose(
 
     Rays are drawn from all pixels: clouds must not come up where it is clear.
 
+    **Arguments:**
+
+    - `scene`: built of `made_of`, at the parameters' defaults.
+    - `rays`: how many, drawn by `seed`; `resolution`: voxels per axis of the textures.
+
     **Returns:** the problem and the pixels that its rays belong to.
     """
     pixels = _draw_pixels(target, rays, seed)
-    chosen = target.grid.rays(pixels)
+    imagery = target.imagery
+    chosen = imagery.grid.rays(pixels)
     sampled = sample_rays(
         scene,
         chosen,
-        sun_direction(target.time),
-        weather_of(scene, target, analysis),
+        sun_direction(imagery.time),
+        made_of.weather(),
         resolution=resolution,
     )
-    block = block_of_pixels(target.grid.shape, target.blocks)[pixels]
-    bands = [target.bands[number] for number in scene.bands]
+    block = block_of_pixels(imagery.grid.shape, target.blocks)[pixels]
+    bands = [target.statistics[number] for number in scene.bands]
     bins = Bins(
         jnp.asarray([b.low for b in bands]),
         jnp.asarray([b.high for b in bands]),
         bands[0].block_counts.shape[1],
     )
     problem = Problem(
-        scene=scene,
+        scene=_without_seeds(scene),
         sampled=sampled,
-        background=background(target, chosen),
+        background=made_of.background(chosen),
         bins=bins,
         observed=_observed(bands, bins),
         cloud_fraction=jnp.asarray(target.cloud_fraction, float),
@@ -196,9 +202,20 @@ def pose(
             target.block_cloud / np.maximum(target.block_valid, 1), float
         ),
         parameters=tuple(parameters),
-        rule=target.rule,
+        rule=imagery.rule,
     )
     return problem, pixels
+
+
+def _without_seeds(scene: Scene) -> Scene:
+    """The scene once its textures are sampled: seeds need no functions of their own."""
+    layers = tuple(
+        replace(layer, cloud=replace(layer.cloud, seed=0))
+        if isinstance(layer.cloud, FractalCloud)
+        else layer
+        for layer in scene.layers
+    )
+    return replace(scene, layers=layers)
 
 
 def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
@@ -209,6 +226,7 @@ def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
 
 
 def _draw_pixels(target: Target, count: int, seed: int) -> Int[np.ndarray, " rays"]:
-    _, hit = target.grid.rays().ground(target.grid.ellipsoid)
+    grid = target.imagery.grid
+    _, hit = grid.rays().ground(grid.ellipsoid)
     chosen = np.random.default_rng(seed).permutation(np.flatnonzero(hit))[:count]
     return np.sort(chosen)

@@ -21,11 +21,12 @@ from jaxtyping import Num
 
 from cloudjax_data.whole_files import write_text_whole
 from cloudjax_fit import figures
+from cloudjax_scenes.display import Display
 from cloudjax_scenes.quantity import RADIANCE, Quantity
 
 from .comparison import BandComparison, Comparison, comparison_json
 from .condensate import Condensate
-from .figures import Curve, Display, Stroke
+from .figures import Curve, Stroke
 from .histogram import Distances, Pixels, Quantiles, sample_of
 
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from cloudjax.geometry.geodesy import up
 from cloudjax_data import AbiBand, sun_direction
-from cloudjax_fit.observation import LOWEST_SUN_DEG
 
 
+# Below this height of the sun the reflective bands tell nothing of cloud.
+LOWEST_SUN_DEG = 5.0
 # Along each axis: the sun is smooth, and a megapixel takes a second.
 _POINTS = 50
 

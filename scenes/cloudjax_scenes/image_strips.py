@@ -13,13 +13,12 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
-from cloudjax import FixedGrid, Weather
+from cloudjax import Band, FixedGrid
 from cloudjax_data.whole_files import staged
 
 from .band_image import BandImage
 from .netcdf import disk_errors, write_netcdf
 from .quantity import RADIANCE, Quantity
-from .sensor_band import SensorBand
 from .sensor_image import SensorImage, render_sensor, sensor_dataset, write_picture
 from .sensors import Sensor
 from .weather_scene import World
@@ -50,7 +49,7 @@ def strips(sensor: Sensor, pixels: int = PIXELS_AT_ONCE) -> list[Sensor]:
 def render_strips(
     world: World,
     sensor: Sensor,
-    bands: list[SensorBand],
+    bands: list[Band],
     time: datetime,
     weather: Weather | None = None,
     *,

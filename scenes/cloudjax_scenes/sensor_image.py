@@ -9,7 +9,16 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
 
-from cloudjax import BandRadiances, CloudProducts, FixedGrid, Scene, Weather, render
+import cloudjax
+from cloudjax import (
+    Band,
+    BandRadiances,
+    CloudProducts,
+    FixedGrid,
+    Scene,
+    Weather,
+    render,
+)
 from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.rays import GroundPoints
 from cloudjax_data import (
@@ -18,12 +27,9 @@ from cloudjax_data import (
     fixed_grid_coordinates,
     sun_direction,
 )
-from cloudjax_fit.fitted_scene import LIGHTS
-from cloudjax_fit.fitting import versions
 
 from .band_image import BandImage, write_band_picture
 from .quantity import RADIANCE, Quantity
-from .sensor_band import SensorBand
 from .sensors import Sensor
 from .weather_scene import World
 
@@ -76,7 +82,7 @@ class SensorImage:
 def render_sensor(
     world: World,
     sensor: Sensor,
-    bands: list[SensorBand],
+    bands: list[Band],
     time: datetime,
     weather: Weather | None = None,
     *,
@@ -121,7 +127,7 @@ def render_sensor(
         radiance=_radiance(scene, image.radiances, hit[pixels] | cloudy, whole),
         latitude_deg=np.where(hit, ground.latitude_deg, np.nan).reshape(view.shape),
         longitude_deg=np.where(hit, ground.longitude_deg, np.nan).reshape(view.shape),
-        **_cloud_fields(image.clouds, cloudy, LIGHTS[world.light].share, whole),
+        **_cloud_fields(image.clouds, cloudy, world.strategy.share, whole),
         class_names=tuple(world.classes),
     )
 
@@ -189,7 +195,7 @@ def sensor_dataset(
         attrs={
             "Conventions": "CF-1.8",
             "title": "Simulated radiances and clouds",
-            "source": f"cloudjax {versions()['cloudjax']}",
+            "source": f"cloudjax {cloudjax.__version__}",
             "sensor": image.sensor.name,
             "platform": image.sensor.platform,
             "weather": ", ".join(cube.path.name for cube in world.series.cubes),

@@ -1,7 +1,7 @@
 """A scene made of weather alone: all classes of cloud, anywhere on Earth.
 
-Where imagery is fitted, the scene comes from it (`model.py`). Here masks, winds and
-temperatures come from weather analyses, the ground from a table.
+Where there is imagery, the scene comes from it (`imagery_scene.py`). Here masks, winds
+and temperatures come from weather analyses, the ground from a table.
 """
 
 import functools as ft
@@ -17,25 +17,24 @@ import numpy as np
 from jaxtyping import Float
 
 from cloudjax import (
+    Band,
     BandRadiances,
     CloudClass,
     Conditions,
     DisplacementMap,
     EmissiveBands,
     LatLonGrid,
-    Layer,
     MaskGrid,
     Rays,
     ReflectiveBands,
     Scene,
     StandardAtmosphere,
     Weather,
+    class_layer,
     cloud_classes,
     displacement_map,
-    ice,
     load_classes,
     propagate,
-    water,
 )
 from cloudjax.air.clear_air import Air
 from cloudjax.geometry.geodesy import up
@@ -46,22 +45,19 @@ from cloudjax_data import (
     read_weather,
     sun_direction,
 )
-from cloudjax_fit.fitted_scene import LIGHTS
 
 from .air_profile import AirProfile
 from .clear_sky import through_air
-from .sensor_band import SensorBand
-from .shading import shadows_of
+from .data_errors import data_errors
+from .lights import Light, light_named
 from .surface import Surface
-from .weather_analysis import fractions_at, wind_at
+from .weather_analysis import MAP_STEP_DEG, fractions_at, wind_at
 
 
-MAP_STEP_DEG = 1.0
 # As that of a fresh map of 20 hours.
 _STEP_MINUTES = 30.0
 # Levels of the temperature field, linear in between.
 _LEVELS_M = np.arange(0.0, 16e3, 500.0)
-_PARTICLES = {"water": water, "ice": ice}
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +71,7 @@ class World:
     - `seed`: of all textures.
     - `steps`: through each shell.
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
-    - `light`: the strategy for sunlight, one of `model.LIGHTS`.
+    - `light`: the strategy for sunlight, one of `lights.LIGHTS`.
     - `air`: whether gases and Rayleigh scattering count.
     - `shadows`: steps towards the sun, 0 for no shadows.
 
@@ -106,11 +102,13 @@ class World:
             raise DataError(f"seed = {self.seed} is negative: make it 0 or more.")
         if self.steps < 1:
             raise DataError(f"steps = {self.steps} is none: make it 1 or more.")
-        if self.light not in LIGHTS:
-            raise DataError(
-                f"There is no light {self.light!r}: make it {' or '.join(LIGHTS)}."
-            )
-        shadows_of(self.shadows, self.light)
+        # For its errors.
+        self.strategy.shadows(self.shadows)
+
+    @property
+    def strategy(self) -> Light:
+        """The strategy for light."""
+        return light_named(self.light)
 
     def require_resolution(self, voxels: int) -> None:
         """Raise `DataError` if so many per axis are too few for a texture."""
@@ -126,34 +124,35 @@ class World:
             )
 
     def scene(
-        self, bands: Sequence[SensorBand], distance_au: float = 1.0, *, day: bool = True
+        self, bands: Sequence[Band], distance_au: float = 1.0, *, day: bool = True
     ) -> Scene:
         """All classes, for the bands of a sensor.
 
         **Arguments:** `day`: whether bands that emit see the sun as well.
         """
+        light = self.strategy
         sunlit = [b for b in bands if b.reflective or (day and b.sunlit)]
         emissive = [band for band in bands if not band.reflective]
         layers = tuple(
-            _layer(
+            class_layer(
                 one,
-                self.seed + 100 * i,
-                self.steps,
-                LIGHTS[self.light].share,
-                sunlit,
-                emissive,
+                sunlit=[band.number for band in sunlit],
+                thermal=[band.number for band in emissive],
+                seed=self.seed + 100 * i,
+                steps=self.steps,
+                extinction_share=light.share,
             )
             for i, one in enumerate(self.classes.values())
         )
         return Scene(
             layers=layers,
-            reflective=_reflective(sunlit, distance_au),
-            emissive=_emissive(emissive),
-            reflection=LIGHTS[self.light].reflection(),
-            emission=LIGHTS[self.light].emission() if emissive else None,
+            reflective=ReflectiveBands.of(sunlit, distance_au),
+            emissive=EmissiveBands.of(emissive),
+            reflection=light.reflection(),
+            emission=light.emission() if light.emission and emissive else None,
             temperature=StandardAtmosphere(),
             air=Air.of_bands([band.number for band in bands]) if self.air else None,
-            shadows=shadows_of(self.shadows, self.light),
+            shadows=light.shadows(self.shadows),
         )
 
     def weather(self, time: datetime) -> Weather:
@@ -292,18 +291,8 @@ def open_world(
     **Raises:** `DataError` for any file that does not serve.
     """
     series = WeatherSeries.of([read_weather(file) for file in weather])
-    try:
+    with data_errors():
         known = cloud_classes() if classes is None else load_classes(classes)
-    except UnicodeDecodeError as error:
-        raise DataError(f"{classes} is no text: write classes in TOML.") from error
-    except ValueError as error:
-        raise DataError(str(error)) from error
-    except OSError as error:
-        raise DataError(
-            f"{classes} cannot be used ({error.strerror}): check the path."
-        ) from error
-    if not known:
-        raise DataError(f"{classes} holds no class of cloud: write one at least.")
     for one in known.values():
         check_altitude(series.cubes[0], float(one.conditions.sampling_altitude_m))
     return World(series, known, **settings)
@@ -327,61 +316,6 @@ def _winds(one: CloudClass) -> set[tuple[float, float]]:
     altitude = float(one.conditions.sampling_altitude_m)
     hours = {t.displacement_hours for t in one.textures} | {one.mask_displacement_hours}
     return {(altitude, h) for h in hours if h > 0}
-
-
-def _layer(
-    one: CloudClass,
-    seed: int,
-    steps: int,
-    share: float,
-    sunlit: Sequence[SensorBand],
-    emissive: Sequence[SensorBand],
-) -> Layer:
-    particles = _PARTICLES[one.particles](one.effective_radius_um)
-    seen = [band.number for band in sunlit]
-    thermal = [band.number for band in emissive]
-    return Layer(
-        cloud=one.cloud(seed),
-        extinction_per_m=jnp.asarray(share * one.extinction_per_m, float),
-        infrared_ratio=particles.infrared_ratio / share,
-        co_albedo=particles.co_albedo_in(seen),
-        asymmetry=particles.asymmetry_in(seen),
-        relative_extinction=particles.relative_extinction_in(seen),
-        relative_absorption=particles.relative_absorption_in(thermal),
-        thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
-        thermal_asymmetry=particles.thermal_asymmetry_in(thermal),
-        name=one.name,
-        steps=steps,
-    )
-
-
-def _reflective(
-    bands: Sequence[SensorBand], distance_au: float
-) -> ReflectiveBands | None:
-    if not bands:
-        return None
-    κ0 = [band.coefficients(distance_au)["kappa0"] for band in bands]
-    return ReflectiveBands(
-        numbers=tuple(band.number for band in bands),
-        reflectance_per_radiance=jnp.asarray(np.array(κ0), float),
-        path=jnp.zeros(len(bands)),
-        gain=jnp.ones(len(bands)),
-    )
-
-
-def _emissive(bands: Sequence[SensorBand]) -> EmissiveBands | None:
-    if not bands:
-        return None
-    constants = {
-        name: jnp.asarray([band.coefficients()[name] for band in bands], float)
-        for name in ("fk1", "fk2", "bc1", "bc2")
-    }
-    return EmissiveBands(
-        numbers=tuple(band.number for band in bands),
-        **constants,
-        path=jnp.zeros(len(bands)),
-        gain=jnp.ones(len(bands)),
-    )
 
 
 def _axes(data) -> tuple[np.ndarray, np.ndarray]:

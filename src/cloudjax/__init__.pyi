@@ -4,10 +4,15 @@ from .air.atmosphere import TemperatureProfile as TemperatureProfile
 from .air.clear_air import Air as Air
 from .air.profile_grid import ProfileGrid as ProfileGrid
 from .air.profile_grid import TemperatureGrid as TemperatureGrid
+from .clouds.class_files import class_table as class_table
+from .clouds.class_files import cloud_classes as cloud_classes
+from .clouds.class_files import imagery_classes as imagery_classes
+from .clouds.class_files import load_classes as load_classes
+from .clouds.class_parameters import ClassParameter as ClassParameter
+from .clouds.class_parameters import Prior as Prior
 from .clouds.classes import ClassTexture as ClassTexture
 from .clouds.classes import CloudClass as CloudClass
-from .clouds.classes import cloud_classes as cloud_classes
-from .clouds.classes import load_classes as load_classes
+from .clouds.classes import ImageryRule as ImageryRule
 from .clouds.cloud_function import CloudFunction as CloudFunction
 from .clouds.fractal import FractalCloud as FractalCloud
 from .clouds.fractal import Latent as Latent
@@ -34,8 +39,11 @@ from .image.render import Image as Image
 from .image.render import PreparedImage as PreparedImage
 from .image.render import prepare as prepare
 from .image.render import render as render
+from .light.bands import Band as Band
 from .light.bands import EmissiveBands as EmissiveBands
 from .light.bands import ReflectiveBands as ReflectiveBands
+from .light.bands import bands_named as bands_named
+from .light.bands import nominal_bands as nominal_bands
 from .light.emission import EmittingSlabs as EmittingSlabs
 from .light.ground import AbstractGround as AbstractGround
 from .light.ground import ClearSky as ClearSky
@@ -55,6 +63,7 @@ from .light.reflection import Illumination as Illumination
 from .light.reflection import Scatterers as Scatterers
 from .light.reflection import Slabs as Slabs
 from .light.reflection import TwoFlux as TwoFlux
+from .march.layer import class_layer as class_layer
 from .march.products import CloudProducts as CloudProducts
 from .march.radiances import products as products
 from .march.radiances import radiances as radiances
@@ -65,6 +74,9 @@ from .march.scene import Scene as Scene
 from .march.shadows import Shadows as Shadows
 from .march.view import View as View
 from .march.view import look as look
+from .parameters import paths as paths
+from .parameters import put as put
+from .parameters import value_at as value_at
 from .weather.advection import DisplacementMap as DisplacementMap
 from .weather.advection import Wind as Wind
 from .weather.advection import displace as displace

@@ -21,6 +21,7 @@ from cloudjax_fit.report import (
     write_comparison,
     write_fit_report,
 )
+from cloudjax_scenes import display
 
 
 UNITS = "mW m-2 sr-1 (cm-1)-1"
@@ -43,7 +44,7 @@ def _band(number=13, simulated=None) -> BandReport:
         distances_fit=distances(observed, image.ravel() + 1, weights)
         if simulated is None
         else None,
-        display=figures.BRIGHTNESS_TEMPERATURE,
+        display=display.BRIGHTNESS_TEMPERATURE,
         observed_image=np.where(image > 60, math.nan, image),
         simulated_image=image.astype(np.float32),
     )
@@ -233,5 +234,5 @@ def _png_size(uri: str) -> tuple[int, int]:
     ],
 )
 def test_images_of_any_shape_are_drawn(image):
-    uri = figures.images_figure([("one", image), ("two", image)], figures.REFLECTANCE)
+    uri = figures.images_figure([("one", image), ("two", image)], display.REFLECTANCE)
     assert max(_png_size(uri)) < 1200

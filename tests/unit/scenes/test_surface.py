@@ -4,10 +4,10 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from tests.generated import write_grib
 
 from cloudjax_data import read_weather
 from cloudjax_scenes.surface import SEA, SNOW, Surface
+from tests.generated import write_grib
 
 
 LAND = {

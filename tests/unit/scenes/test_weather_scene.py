@@ -8,14 +8,13 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tests.generated_grib import write_grib
 
-from cloudjax import Camera, cloud_classes
+from cloudjax import Camera, cloud_classes, nominal_bands
 from cloudjax.geometry.geodesy import up
 from cloudjax_data import DataError, WeatherSeries, read_weather, sun_direction
-from cloudjax_scenes.sensor_band import nominal_bands
 from cloudjax_scenes.surface import SEA
 from cloudjax_scenes.weather_scene import World
+from tests.generated_grib import write_grib
 
 
 TIME = datetime(2019, 10, 27, 18, tzinfo=UTC)

@@ -5,11 +5,11 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from tests.generated import write_grib
 
 from cloudjax import cloud_classes
 from cloudjax_data import DataError, read_weather
 from cloudjax_scenes import Analysis
+from tests.generated import write_grib
 
 
 LATITUDE = np.arange(60.0, -61.0, -30.0)

@@ -1,12 +1,14 @@
-"""From a scene folder and the options of a run to what is fitted or rendered."""
+"""All that a fit or an image of a scene folder needs, read and checked."""
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from cloudjax import CloudClass, load_classes
 from cloudjax_data import (
     AbiScene,
     DataError,
@@ -17,11 +19,22 @@ from cloudjax_data import (
     read_weather,
 )
 from cloudjax_scenes.cloud_rule import BRIGHT, COLD_K
+from cloudjax_scenes.data_errors import data_errors
 from cloudjax_scenes.daylight import is_day, sun_heights_deg
+from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.weather_analysis import Analysis
 
 from .observation import observe
-from .settings import Settings, cloud_rule, read_settings, scene_of, with_options
+from .parameter_file import FittedParameters
+from .parameters import Parameter
+from .settings import (
+    Settings,
+    changed_parameters,
+    cloud_rule,
+    overrides_for,
+    read_settings,
+    with_options,
+)
 from .targets import Target
 
 
@@ -32,60 +45,96 @@ NIGHT_BANDS = (13, 15)
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """A scene, ready to be fitted or rendered.
+class FitInputs:
+    """A scene folder, read and checked, ready to be fitted or rendered.
 
     **Fields:**
 
     - `settings`: of the scene's `scene.toml` and of the options, checked.
     - `target`: the scene, reduced.
-    - `analysis`: the weather of the hour, where the folder has it.
+    - `made_of`: what its scene is built of: imagery, weather, classes, light.
+    - `parameters`: of that scene, with the changes of the settings.
     - `observed`: radiances by band on the target's grid.
+    - `fitted`: values to render the scene with; None for those of the settings.
     """
 
     settings: Settings
     target: Target
-    analysis: Analysis | None
+    made_of: SceneFromImagery
+    parameters: list[Parameter]
     observed: dict[int, Float[np.ndarray, "y x"]]
+    fitted: FittedParameters | None = None
+
+    @property
+    def analysis(self) -> Analysis | None:
+        """The weather of the hour, where the folder has it."""
+        return self.made_of.analysis
+
+    @property
+    def overrides(self) -> dict[str, Mapping[str, Any]]:
+        """Those changes of parameters that concern the scene."""
+        return overrides_for(self.settings, self.made_of)
 
 
-def prepare(
+def read_inputs(
     path: str | os.PathLike[str],
     *,
     bands: Sequence[int] | None = None,
     options: Mapping[str, int | str | None] | None = None,
+    classes: str | os.PathLike[str] | None = None,
+    fitted: FittedParameters | None = None,
     ignore_weather: bool = False,
     weather_mask: bool = False,
-) -> Run:
-    """Read and check everything that a run of a scene folder needs.
+) -> FitInputs:
+    """Read and check everything that a fit or an image of a scene folder needs.
 
     **Arguments:**
 
     - `bands`: by default those of `scene.toml`, else those that suit the hour.
     - `options`: of the fit, by the names of `FitSettings`; None leaves one as it is.
+    - `classes`: a file of classes of cloud; by default that of `scene.toml`, else those
+      that the light has for imagery.
+    - `fitted`: what a fit has found, to render the scene with: its classes and its
+      light go before all others.
     - `ignore_weather`: do not look at the folder's weather files.
-    - `weather_mask`: take where clouds are from the weather, by the paper's Table 1,
-      and not from the imagery.
+    - `weather_mask`: take where clouds are from the weather, by the conditions of the
+      classes, and not from the imagery.
 
     **Raises:** `DataError` for anything that stands in the way of the run.
     """
     folder = open_folder(path)
     settings = with_options(folder_settings(folder), options or {})
+    if fitted is not None:
+        settings = with_options(settings, {"light": fitted.light})
     chosen = tuple(bands or settings.bands or default_bands(folder))
+    known = fitted.classes if fitted else None
+    known = known or _classes(classes, settings, folder)
     scene = folder.read(chosen).on_common_grid()
     analysis = None if ignore_weather else read_analysis(folder, scene)
-    target = observe(scene, chosen, cloud_rule(settings, chosen))
+    target = observe(scene, chosen, cloud_rule(settings, chosen), known)
     if weather_mask:
         if analysis is None:
             raise DataError(
                 f"{folder.path} holds no weather file to take a mask from: add the GFS "
                 "analysis of that hour, or do without --weather-mask."
             )
-        target = analysis.masked(target)
-    # For its errors: better now than after the textures.
-    scene_of(settings, target, analysis)
+        target = replace(target, imagery=analysis.masked(target.imagery, known))
+    made_of = settings.fit.scene_from(target.imagery, analysis, known)
     observed = {number: band.radiance for number, band in scene.bands.items()}
-    return Run(settings, target, analysis, observed)
+    parameters = changed_parameters(settings, made_of, to_fit=fitted is None)
+    return FitInputs(settings, target, made_of, parameters, observed, fitted)
+
+
+def _classes(
+    given: str | os.PathLike[str] | None, settings: Settings, folder: SceneFolder
+) -> dict[str, CloudClass] | None:
+    """The classes of a file that is asked for, None for those of the light."""
+    if given is None and settings.classes is not None:
+        given = folder.path / settings.classes
+    if given is None:
+        return None
+    with data_errors():
+        return load_classes(given)
 
 
 def folder_settings(folder: SceneFolder) -> Settings:

@@ -5,13 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 import xarray as xr
-from tests.generated import SCAN_START
-from tests.scenes import write_weather
 
-from cloudjax import Camera, ClassTexture, FixedGrid, Perlin
+from cloudjax import Camera, ClassTexture, FixedGrid, Perlin, nominal_bands
 from cloudjax_data import DataError, WeatherSeries, read_weather
 from cloudjax_scenes.image_strips import render_strips, strips, write_strips
-from cloudjax_scenes.sensor_band import nominal_bands
 from cloudjax_scenes.sensor_image import (
     SensorImage,
     render_sensor,
@@ -20,6 +17,8 @@ from cloudjax_scenes.sensor_image import (
 )
 from cloudjax_scenes.sensors import Sensor
 from cloudjax_scenes.weather_scene import World
+from tests.generated import SCAN_START
+from tests.scenes import write_weather
 
 
 GRID = FixedGrid.abi_meso(10.0, 20.0, -80.0)

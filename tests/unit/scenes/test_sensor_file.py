@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from cloudjax import Camera, FixedGrid
+from cloudjax import Camera, FixedGrid, nominal_bands
 from cloudjax_data import DataError
-from cloudjax_scenes.sensor_band import nominal_bands
 from cloudjax_scenes.sensors import SENSOR_NAMES, read_sensor
 
 
