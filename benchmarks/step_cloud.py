@@ -25,7 +25,7 @@ from cloudjax import (
     look,
     radiances,
 )
-from cloudjax.geometry.geodesy import ecef
+from cloudjax.geometry.geodesy import GRS80, ecef
 
 
 COLUMNS, WIDE_M, SHELL = 32, 500.0, Shell(1000.0, 1250.0)
@@ -51,7 +51,7 @@ def nadir_reflectance(zenith_deg: float, albedo: float, steps: int) -> np.ndarra
     """πL/(μ₀E) of the middles of the columns, sun over the thin side of each step."""
     scene = step_cloud(albedo, Shadows(steps) if steps else None)
     east = (np.arange(COLUMNS) + 0.5) * WIDE_M / COLUMNS
-    longitude, zero = np.degrees(east / 6378137.0), np.zeros(COLUMNS)
+    longitude, zero = np.degrees(east / GRS80.semi_major_m), np.zeros(COLUMNS)
     down = np.broadcast_to([-1.0, 0.0, 0.0], (COLUMNS, 3))
     rays = Rays(ecef(zero, longitude, zero) - 1e5 * down, down, 1e-4)
     θ = np.radians(zenith_deg)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from cloudjax.geometry.geodesy import MEAN_RADIUS_M
 from cloudjax.workers import Worker, in_turns, median_seconds
 
 from .sizes import Context
@@ -16,7 +17,7 @@ from .text import table
 
 
 HOURS = 20.0
-RADIUS_M = 6371e3 + 2000
+RADIUS_M = MEAN_RADIUS_M + 2000
 # Between the two maps, in the mean: float32 in one of them.
 SAME_M = 50.0
 

@@ -26,9 +26,9 @@ def fit(scenes, bands, output, ignore_weather, weather_mask, **options) -> int:
     scenes, to one folder each within DIR.
     """
     from cloudjax_data import open_folder
+    from cloudjax_data.whole_files import require_writable
     from cloudjax_fit.scene_run import folder_settings, prepare
     from cloudjax_fit.settings import overrides_for
-    from cloudjax_scenes.whole_files import require_writable
 
     from .fit_folder import fit_and_write
 

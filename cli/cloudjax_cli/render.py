@@ -93,7 +93,7 @@ def render(target, output, bands, weather, **options) -> None:
 
 
 def _writable(output: str) -> Path:
-    from cloudjax_scenes.whole_files import require_writable
+    from cloudjax_data.whole_files import require_writable
 
     path = Path(output)
     if path.suffix != ".nc":

@@ -10,10 +10,13 @@ import netCDF4
 import numpy as np
 from jaxtyping import Bool, Float32
 
+from cloudjax.geometry.fixed_grid import FixedGrid
+from cloudjax.geometry.geodesy import Ellipsoid
+
 from .abi_name import parse_abi_name
 from .calibration import Calibration, EmissiveCalibration, ReflectiveCalibration
 from .errors import DataError
-from .fixed_grid import GRID_MAPPING, FixedGrid
+from .fixed_grid import GRID_MAPPING
 from .image_part import Box, ImagePart, block_means, image_part
 from .packed import attribute, counts, netcdf_file, scalar, scale_and_offset, variable
 
@@ -204,8 +207,10 @@ def _fixed_grid(file: netCDF4.Dataset) -> FixedGrid:
             attribute(projection, "longitude_of_projection_origin")
         ),
         perspective_height_m=float(attribute(projection, "perspective_point_height")),
-        semi_major_axis_m=float(attribute(projection, "semi_major_axis")),
-        semi_minor_axis_m=float(attribute(projection, "semi_minor_axis")),
+        ellipsoid=Ellipsoid(
+            float(attribute(projection, "semi_major_axis")),
+            float(attribute(projection, "semi_minor_axis")),
+        ),
         sweep=cast(Literal["x", "y"], sweep),
     )
 

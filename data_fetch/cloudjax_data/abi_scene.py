@@ -7,10 +7,12 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import xarray as xr
 
+from cloudjax.geometry.fixed_grid import FixedGrid
+
 from .abi import AbiBand
 from .calibration import ReflectiveCalibration
 from .errors import DataError
-from .fixed_grid import GRID_MAPPING, FixedGrid, fixed_grid_coordinates
+from .fixed_grid import GRID_MAPPING, fixed_grid_coordinates
 
 
 # Bands of one scan start within a second of each other; the fastest repeat of a
@@ -80,7 +82,8 @@ class AbiScene:
         """Average the bands, in radiance, onto the coarsest of their grids.
 
         A block is good only if all of its pixels are. Raises `DataError` if a band is
-        absent or if the grids do not nest within `SAME_CENTRE_RAD`.
+        absent or if the grids do not nest within `SAME_CENTRE_RAD` of
+        `cloudjax.geometry.fixed_grid`.
         """
         wanted = sorted(self.bands if bands is None else set(bands))
         absent = [number for number in wanted if number not in self.bands]
@@ -164,7 +167,7 @@ def _require_same_scan(a: AbiBand, b: AbiBand) -> None:
     same = (
         (a.platform, a.sector) == (b.platform, b.sector)
         and abs(a.start - b.start) < SAME_SCAN
-        and a.grid.cf_attributes() == b.grid.cf_attributes()
+        and a.grid.same_projection_as(b.grid)
     )
     if not same:
         raise DataError(

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from cloudjax.light import planck
+
 
 # CODATA 2018, in the units of the ABI coefficients: fk1 = c1 nu^3, fk2 = c2 nu with
 # nu in cm-1 and radiance in mW m-2 sr-1 (cm-1)-1.
@@ -100,14 +102,17 @@ class EmissiveCalibration:
         that of the smallest positive count (197.5 K in band 7).
         """
         positive = np.maximum(radiance, self.smallest_positive_radiance)
-        return (self.fk2 / np.log1p(self.fk1 / positive) - self.bc1) / self.bc2
+        return planck.brightness_temperature_k(*self._planck, positive)
 
     def radiance(
         self, brightness_temperature_k: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
         """Invert `brightness_temperature_k`, for temperatures above 50 K."""
-        effective = self.bc1 + self.bc2 * brightness_temperature_k
-        return self.fk1 / np.expm1(self.fk2 / effective)
+        return planck.radiance(*self._planck, brightness_temperature_k)
+
+    @property
+    def _planck(self) -> tuple[float, float, float, float]:
+        return self.fk1, self.fk2, self.bc1, self.bc2
 
     def inconsistency(self) -> str | None:
         """Say what is wrong with the coefficients, or return None if they agree."""

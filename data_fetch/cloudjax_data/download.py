@@ -21,6 +21,7 @@ from .fetch_item import FetchItem
 from .file_lock import PARTIAL, locked
 from .manifest import Checksums, checksums, read_manifest, record
 from .object_store import Bucket, Link, Retry, is_final, reason
+from .whole_files import whole
 
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -279,14 +280,13 @@ def _wrong(item: FetchItem, path: Path, sums: Checksums) -> str | None:
 
 def _place(source: Path, target: Path) -> None:
     """The same file in another folder: linked, or else copied."""
-    with locked(target.parent, target.name):
-        aside = target.with_name(PARTIAL) / f"{target.name}.copy"
+    aside = target.with_name(PARTIAL) / f"{target.name}.copy"
+    with locked(target.parent, target.name), whole(target, aside):
         aside.unlink(missing_ok=True)
         try:
             os.link(source, aside)
         except OSError:
             shutil.copyfile(source, aside)
-        os.replace(aside, target)
 
 
 def _remove_parts(folder: Path, name: str) -> None:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -12,6 +11,7 @@ from typing import Any
 from .fetch_item import FetchItem, GribItem
 from .file_lock import PARTIAL, locked
 from .gfs_index import SELECTION, Message
+from .whole_files import whole
 
 
 MANIFEST = "manifest.json"
@@ -101,9 +101,8 @@ def record(folder: Path, item: FetchItem, origin: str, sums: Checksums) -> None:
     with locked(folder, MANIFEST):
         files = {**read_manifest(folder).files, item.name: entry}
         content = {"version": _VERSION, "files": dict(sorted(files.items()))}
-        aside = folder / PARTIAL / MANIFEST
-        aside.write_text(json.dumps(content, indent=1), encoding="utf-8")
-        os.replace(aside, folder / MANIFEST)
+        with whole(folder / MANIFEST, folder / PARTIAL / MANIFEST) as aside:
+            aside.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
 def checksums(path: Path) -> Checksums:

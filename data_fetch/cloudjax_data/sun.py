@@ -6,6 +6,10 @@ import numpy as np
 from jaxtyping import Float64
 
 
+# The Earth's, by which the algorithm finds the sun's parallax for an observer.
+_RADIUS_M = 6_378_140.0
+
+
 def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
     """Return the unit vector from the Earth's centre to the sun, in Earth-fixed (ECEF)
     axes.
@@ -25,7 +29,7 @@ def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
 
     # At latitude 0, longitude 0 the local up, east and north are the ECEF x, y and z;
     # an observer a radius below sea level is the centre, where parallax vanishes.
-    position = spa_python(pd.DatetimeIndex([time]), 0.0, 0.0, altitude=-6378140.0)
+    position = spa_python(pd.DatetimeIndex([time]), 0.0, 0.0, altitude=-_RADIUS_M)
     zenith = np.radians(position["zenith"].to_numpy()[0])
     azimuth = np.radians(position["azimuth"].to_numpy()[0])
     return np.array(

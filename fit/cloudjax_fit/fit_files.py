@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from cloudjax.march.radiances import VISIBLE_DEPTH
+from cloudjax_data.whole_files import staged
 from cloudjax_scenes.band_image import BandImage
 from cloudjax_scenes.image_file import image_dataset
 from cloudjax_scenes.netcdf import write_netcdf
-from cloudjax_scenes.whole_files import staged
 
 from .condensate import OBSERVED_WATER, Condensate
 from .fitted_scene import LIGHTS, PARTICLES

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 from cloudjax import FixedGrid, cloud_classes
 from cloudjax.air.atmosphere import temperature_k
-from cloudjax.geometry.geodesy import Ellipsoid, geodetic, intersect, up
+from cloudjax.geometry.geodesy import geodetic, intersect, up
 from cloudjax_data import (
     AbiBand,
     AbiScene,
@@ -33,19 +33,6 @@ LOWEST_SUN_DEG = 5.0
 FEWEST_CLOUD_PIXELS = 500
 
 
-def navigation_grid(band: AbiBand) -> FixedGrid:
-    """The renderer's fixed grid of a band."""
-    grid = band.grid
-    return FixedGrid(
-        x_rad=grid.x_rad,
-        y_rad=grid.y_rad,
-        subsatellite_longitude_deg=grid.subsatellite_longitude_deg,
-        perspective_height_m=grid.perspective_height_m,
-        ellipsoid=Ellipsoid(grid.semi_major_axis_m, grid.semi_minor_axis_m),
-        sweep=grid.sweep,
-    )
-
-
 def observe(
     scene: AbiScene, bands: Iterable[int] | None = None, rule: CloudRule | None = None
 ) -> Target:
@@ -61,7 +48,7 @@ def observe(
     """
     scene = scene.on_common_grid(bands)
     images = {number: band.radiance for number, band in scene.bands.items()}
-    grid = navigation_grid(next(iter(scene.bands.values())))
+    grid = scene.grid
     good = np.logical_and.reduce([band.good for band in scene.bands.values()])
     day = _is_light(scene, grid)
     if rule is None:

@@ -10,9 +10,9 @@ import xarray as xr
 
 from cloudjax import Ellipsoid, FixedGrid
 from cloudjax_data import DataError
+from cloudjax_data.whole_files import staged
 from cloudjax_scenes.cloud_rule import CloudRule
 from cloudjax_scenes.netcdf import write_netcdf
-from cloudjax_scenes.whole_files import staged
 
 from .histogram import Quantiles
 from .targets import BandTarget, Target

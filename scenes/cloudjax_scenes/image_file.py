@@ -8,16 +8,14 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-import cloudjax_data
-from cloudjax import FixedGrid
 from cloudjax_data import GRID_MAPPING, fixed_grid_coordinates
+from cloudjax_data.whole_files import staged
 from cloudjax_fit.fitting import SimulatedImage, versions
 from cloudjax_fit.targets import Target
 
 from .band_image import BandImage, write_band_picture
 from .netcdf import write_netcdf
 from .quantity import RADIANCE, Quantity
-from .whole_files import staged
 
 
 def image_dataset(
@@ -33,7 +31,7 @@ def image_dataset(
 
     **Arguments:** `shadows`: the steps of its shadows.
     """
-    coordinates = fixed_grid_coordinates(data_grid(target.grid))
+    coordinates = fixed_grid_coordinates(target.grid)
     # Not "t", as in ABI files: xarray would take it for a part of the name of the grid
     # mapping and read it back as a data variable.
     coordinates["time"] = xr.DataArray(
@@ -114,16 +112,3 @@ def _cloud_weight(image: SimulatedImage) -> xr.DataArray:
     )
     array.encoding["grid_mapping"] = GRID_MAPPING
     return array
-
-
-def data_grid(grid: FixedGrid) -> cloudjax_data.FixedGrid:
-    """The renderer's fixed grid as that of the files."""
-    return cloudjax_data.FixedGrid(
-        x_rad=np.asarray(grid.x_rad, np.float64),
-        y_rad=np.asarray(grid.y_rad, np.float64),
-        subsatellite_longitude_deg=grid.subsatellite_longitude_deg,
-        perspective_height_m=grid.perspective_height_m,
-        semi_major_axis_m=grid.ellipsoid.semi_major_m,
-        semi_minor_axis_m=grid.ellipsoid.semi_minor_m,
-        sweep=grid.sweep,
-    )

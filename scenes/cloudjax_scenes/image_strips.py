@@ -14,15 +14,15 @@ import numpy as np
 import xarray as xr
 
 from cloudjax import FixedGrid, Weather
+from cloudjax_data.whole_files import staged
 
 from .band_image import BandImage
-from .netcdf import write_netcdf
+from .netcdf import disk_errors, write_netcdf
 from .quantity import RADIANCE, Quantity
 from .sensor_band import SensorBand
 from .sensor_image import SensorImage, render_sensor, sensor_dataset, write_picture
 from .sensors import Sensor
 from .weather_scene import World
-from .whole_files import staged
 
 
 # Some 600 MB with the rays of all pixels in float64.
@@ -117,15 +117,11 @@ def _begin(file: Path, strip: xr.Dataset) -> None:
 
 
 def _append(file: Path, strip: xr.Dataset) -> None:
-    try:
-        with netCDF4.Dataset(file, "a") as whole:
-            start = len(whole.dimensions["y"])
-            for name, variable in strip.variables.items():
-                if "y" in variable.dims:
-                    whole[str(name)][start:] = variable.to_numpy()
-    # The netCDF library's word for a full disk.
-    except RuntimeError as error:
-        raise OSError(str(error)) from error
+    with disk_errors(), netCDF4.Dataset(file, "a") as whole:
+        start = len(whole.dimensions["y"])
+        for name, variable in strip.variables.items():
+            if "y" in variable.dims:
+                whole[str(name)][start:] = variable.to_numpy()
 
 
 def _thinned(band: BandImage) -> BandImage:

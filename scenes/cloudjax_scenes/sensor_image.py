@@ -22,7 +22,6 @@ from cloudjax_fit.fitted_scene import LIGHTS
 from cloudjax_fit.fitting import versions
 
 from .band_image import BandImage, write_band_picture
-from .image_file import data_grid
 from .quantity import RADIANCE, Quantity
 from .sensor_band import SensorBand
 from .sensors import Sensor
@@ -205,7 +204,7 @@ def sensor_dataset(
 def _coordinates(image: SensorImage) -> dict[str, xr.DataArray]:
     view = image.sensor.view
     if isinstance(view, FixedGrid):
-        coordinates = fixed_grid_coordinates(data_grid(view))
+        coordinates = fixed_grid_coordinates(view)
     else:
         coordinates = {
             axis: xr.DataArray(np.arange(n), dims=axis, attrs={"units": "1"})

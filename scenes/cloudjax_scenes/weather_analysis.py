@@ -17,6 +17,7 @@ from cloudjax import (
     cloud_fraction,
 )
 from cloudjax.air.gases import LEVELS_M
+from cloudjax.geometry.geodesy import MEAN_RADIUS_M
 from cloudjax.weather.advection import DisplacementMap, Wind, displacement_map
 from cloudjax_data import WeatherCube, WeatherSeries, check_altitude
 from cloudjax_fit.targets import Target
@@ -24,7 +25,6 @@ from cloudjax_fit.targets import Target
 from .air_profile import AirProfile
 
 
-EARTH_RADIUS_M = 6371e3
 # Between the 2 and 20 hours that the paper stretches its clouds for.
 DISPLACEMENT_HOURS = 6.0
 
@@ -135,5 +135,5 @@ def wind_at(series: WeatherSeries, altitude_m: float, origin: datetime) -> Wind:
         data["latitude"].to_numpy(),
         data["longitude"].to_numpy(),
         time_s=series.seconds_from(origin),
-        radius_m=EARTH_RADIUS_M + altitude_m,
+        radius_m=MEAN_RADIUS_M + altitude_m,
     )

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cloudjax_data import EmissiveCalibration
 from tests.helpers import PLANCK, SOLAR, emissive_bands, numbers, reflective_bands
 
 
@@ -64,6 +65,16 @@ def test_radiances_of_impossible_temperatures_are_finite(kelvin):
     assert jnp.all(value >= 0)
     if kelvin <= 10:
         assert jnp.all(value < 1e-20)
+
+
+def test_files_and_pictures_share_the_planck_function():
+    """From 1 K, where both are finite, to where float32 rounds by some 1e-5."""
+    kelvin = np.array([-5.0, 1.0, 20.0, 50.0, 100.0, 400.0])
+    found = emissive_bands(*PLANCK).planck(jnp.asarray(kelvin, float))
+    for row, coefficients in zip(found, PLANCK.values(), strict=True):
+        expected = EmissiveCalibration(*coefficients).radiance(kelvin)
+        np.testing.assert_allclose(row, expected, rtol=5e-5)
+        assert expected[0] == expected[1] > 0
 
 
 def test_warmer_is_brighter_in_every_band():

@@ -16,7 +16,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 
 # The constants of the standard itself, which differ from today's CODATA values.
-EARTH_RADIUS_M = 6_356_766.0  # effective, for geopotential only
+GEOPOTENTIAL_RADIUS_M = 6_356_766.0  # r₀, effective: of no use but for geopotential
 GRAVITY_M_S2 = 9.80665
 GAS_CONSTANT_J_KG_K = 8314.32 / 28.9644  # dry air
 SEA_LEVEL_TEMPERATURE_K = 288.15
@@ -39,8 +39,9 @@ def _geopotential_m(altitude_m):
     """H = r₀z/(r₀ + z), held at the ends of the standard: -5 and 84.852 km."""
     # clipped first: far below the ground r₀ + z would vanish
     z = jnp.clip(altitude_m, -5_100.0, 87_000.0)
+    r0 = GEOPOTENTIAL_RADIUS_M
     highest = sum(thickness for thickness, _ in _LAYERS)
-    return jnp.clip(EARTH_RADIUS_M * z / (EARTH_RADIUS_M + z), _LOWEST_M, highest)
+    return jnp.clip(r0 * z / (r0 + z), _LOWEST_M, highest)
 
 
 def _segments(altitude_m):
@@ -78,11 +79,6 @@ def pressure_pa(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*point
     ]
     scale_heights = GRAVITY_M_S2 / GAS_CONSTANT_J_KG_K * ft.reduce(op.add, paths)
     return SEA_LEVEL_PRESSURE_PA * jnp.exp(-scale_heights)
-
-
-def density_kg_m3(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Return density [kg m⁻³] of the US Standard Atmosphere 1976 at altitude [m]."""
-    return pressure_pa(altitude_m) / (GAS_CONSTANT_J_KG_K * temperature_k(altitude_m))
 
 
 class AbstractTemperature(eqx.Module):

@@ -21,14 +21,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cloudjax.geometry.geodesy import up
+from cloudjax.geometry.geodesy import MEAN_RADIUS_M, up
 from cloudjax.geometry.path import device_array
 from cloudjax.geometry.rays import GroundPoints, Rays
 from cloudjax.geometry.shells import Shell
 from cloudjax.light.bands import EmissiveBands, ReflectiveBands
 
 from . import gases, rayleigh
-from .atmosphere import EARTH_RADIUS_M, AbstractTemperature
+from .atmosphere import AbstractTemperature
 from .gases import LEVELS_M, Columns
 from .profile_grid import ProfileGrid
 
@@ -115,7 +115,7 @@ class Air(eqx.Module):
             above = jax.tree.map(device_array, gases.columns(kelvin, humidity))
             known = device_array(kelvin)
         # The shadow is z = R μ²/2 high where the sun is below the horizon.
-        shadow = EARTH_RADIUS_M / 2 * np.minimum(sun, 0) ** 2 / _SCALE_HEIGHT_M
+        shadow = MEAN_RADIUS_M / 2 * np.minimum(sun, 0) ** 2 / _SCALE_HEIGHT_M
         return Column(
             above,
             known,

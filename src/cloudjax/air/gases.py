@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from cloudjax.geometry.latlon_grid import AnyArray
 
 from . import atmosphere
-from .atmosphere import EARTH_RADIUS_M, GAS_CONSTANT_J_KG_K, GRAVITY_M_S2
+from .atmosphere import GAS_CONSTANT_J_KG_K, GEOPOTENTIAL_RADIUS_M, GRAVITY_M_S2
 
 
 # Between which columns, and what they do to light, are interpolated.
@@ -66,7 +66,7 @@ def columns(
     q = specific_humidity
     xp = np if isinstance(temperature_k, np.ndarray) else jnp
     virtual = temperature_k * (1 + (1 / LIGHTNESS - 1) * q)
-    g = GRAVITY_M_S2 * (EARTH_RADIUS_M / (EARTH_RADIUS_M + LEVELS_M)) ** 2
+    g = GRAVITY_M_S2 / (1 + LEVELS_M / GEOPOTENTIAL_RADIUS_M) ** 2
     steepness = g / (GAS_CONSTANT_J_KG_K * virtual)
     fall = _means(steepness) * np.diff(LEVELS_M)
     start = xp.zeros_like(fall[..., :1])

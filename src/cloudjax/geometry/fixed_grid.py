@@ -1,6 +1,6 @@
 """Geostationary imagers have a fixed grid (GOES-R PUG volume 3, section 5.1.2.8)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -24,17 +24,23 @@ MESO_RAD = (0.028, 0.028)
 # disc. The centres of the sectors that NOAA files hold are such multiples.
 MESO_LATTICE_RAD = 20 * RAD_PER_KM
 GOES_EAST_DEG = -75.0
+# A quarter of a percent of the finest ABI pixel (14 microradians), and ten times what
+# rounding scale and offset to six decimals can move a centre by.
+SAME_CENTRE_RAD = 1e-7
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FixedGrid:
     """A `FixedGrid` holds the scan angles of a geostationary imager, as its files do.
 
     **Fields:**
 
-    - `x_rad`, `y_rad`: east-west and north-south scan angles of the pixel centres.
-    - `subsatellite_longitude_deg`: of the projection, not of the drifting satellite.
-    - `perspective_height_m`: above the equator.
+    - `x_rad`, `y_rad`: scan angles of the pixel centres, evenly spaced; x grows
+        eastward, and in files y falls from the first row, the northernmost.
+    - `subsatellite_longitude_deg`: the longitude of the projection, east positive; the
+        satellite itself may drift some tenths of a degree about it.
+    - `perspective_height_m`: of the projection point above the equator.
+    - `ellipsoid`: the Earth's.
     - `sweep`: which angle the imager sweeps: "x" for GOES, "y" for Meteosat.
     """
 
@@ -102,6 +108,42 @@ class FixedGrid:
         return len(self.y_rad), len(self.x_rad)
 
     @property
+    def step_rad(self) -> float:
+        """The distance between neighbouring columns or, of a single one, rows."""
+        angles = self.x_rad if len(self.x_rad) > 1 else self.y_rad
+        span = abs(float(angles[-1]) - float(angles[0]))
+        return span / max(len(angles) - 1, 1)
+
+    def same_projection_as(self, other: "FixedGrid") -> bool:
+        """Whether equal scan angles of both grids are the same lines of sight."""
+        return (
+            self.subsatellite_longitude_deg == other.subsatellite_longitude_deg
+            and self.perspective_height_m == other.perspective_height_m
+            and self.ellipsoid == other.ellipsoid
+            and self.sweep == other.sweep
+        )
+
+    def same_as(self, other: "FixedGrid") -> bool:
+        """Whether both grids have the same pixels, within `SAME_CENTRE_RAD`."""
+        return (
+            self.shape == other.shape
+            and self.same_projection_as(other)
+            and _close(self.x_rad, other.x_rad)
+            and _close(self.y_rad, other.y_rad)
+        )
+
+    def coarsened(self, factor: int) -> "FixedGrid":
+        """The grid of blocks of `factor` by `factor` pixels.
+
+        **Raises:** `ValueError` when the blocks do not fill the grid.
+        """
+        return replace(
+            self,
+            x_rad=_block_centres(self.x_rad, factor),
+            y_rad=_block_centres(self.y_rad, factor),
+        )
+
+    @property
     def satellite_m(self) -> Float[np.ndarray, "3"]:
         """Give the place of the satellite [m], ECEF."""
         distance = self.ellipsoid.semi_major_m + self.perspective_height_m
@@ -153,8 +195,21 @@ class FixedGrid:
         return Rays(
             np.broadcast_to(self.satellite_m, direction.shape),
             direction,
-            float(abs(self.x_rad[1] - self.x_rad[0])),
+            self.step_rad,
         )
+
+
+def _block_centres(angles: np.ndarray, factor: int) -> np.ndarray:
+    if angles.size % factor:
+        raise ValueError(
+            f"{angles.size} pixels cannot be cut into blocks of {factor}: "
+            "choose a divisor."
+        )
+    return angles.reshape(-1, factor).mean(axis=1)
+
+
+def _close(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool(np.all(np.abs(a - b) < SAME_CENTRE_RAD))
 
 
 def _step_rad(resolution_km: float) -> float:

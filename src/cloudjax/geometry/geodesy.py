@@ -38,6 +38,8 @@ class Ellipsoid:
 
 # GRS 80, the ellipsoid of the ABI fixed grid (GOES-R PUG volume 3, table 5.1.2.8).
 GRS80 = Ellipsoid(6378137.0, 6356752.31414)
+# Where a sphere serves: (2a + b)/3 of the ellipsoid, which is 9 m more.
+MEAN_RADIUS_M = 6_371_000.0
 
 
 def dot(

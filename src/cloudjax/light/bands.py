@@ -9,6 +9,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from . import planck
+
 
 REFLECTIVE_UNITS = "W m-2 sr-1 um-1"
 EMISSIVE_UNITS = "mW m-2 sr-1 (cm-1)-1"
@@ -67,14 +69,8 @@ class EmissiveBands(eqx.Module):
         self, temperature_k: Float[Array, "*points"]
     ) -> Float[Array, "bands *points"]:
         """Return the radiance of a black body; below 1 K it stays as at 1 K."""
-
-        def one(fk1, fk2, bc1, bc2):
-            effective = bc1 + bc2 * jnp.maximum(temperature_k, 1.0)
-            # exp overflows float32 at 88; the radiance is zero long before.
-            return fk1 / jnp.expm1(jnp.minimum(fk2 / effective, 80.0))
-
         bands = zip(self.fk1, self.fk2, self.bc1, self.bc2, strict=True)
-        return jnp.stack([one(*band) for band in bands])
+        return jnp.stack([planck.radiance(*band, temperature_k) for band in bands])
 
     def brightness_temperature_k(
         self, radiance: Float[Array, "bands rays"]
@@ -84,6 +80,6 @@ class EmissiveBands(eqx.Module):
             c[:, None] for c in (self.fk1, self.fk2, self.bc1, self.bc2)
         )
         positive = radiance > 0
-        ratio = fk1 / jnp.where(positive, radiance, 1.0)
-        temperature = (fk2 / jnp.log1p(ratio) - bc1) / bc2
-        return jnp.where(positive, temperature, 0.0)
+        some = jnp.where(positive, radiance, 1.0)
+        kelvin = planck.brightness_temperature_k(fk1, fk2, bc1, bc2, some)
+        return jnp.where(positive, kelvin, 0.0)

@@ -67,13 +67,6 @@ class Particles(eqx.Module):
         """Return the mean cosine of the scattering angle of sunlight."""
         return self._rows(2, [_sunlit(band) for band in bands])
 
-    def absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Return the absorption of thermal radiation per mass of condensate, k (1 - ω),
-        [m²/g]; bands 7 to 16.
-        """
-        rows = [_thermal(band) for band in bands]
-        return jnp.exp(self._rows(0, rows) + self._rows(1, rows))
-
     def thermal_co_albedo_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
         """Return 1 - ω of thermal radiation; bands 7 to 16."""
         return jnp.exp(self._rows(1, [_thermal(band) for band in bands]))

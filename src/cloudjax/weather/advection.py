@@ -125,7 +125,7 @@ class Wind(AbstractWind):
         - `latitude_deg`: [lat] ascending, evenly spaced.
         - `longitude_deg`: [lon] ascending, evenly spaced, round the whole circle.
         - `time_s`: [time] of the analyses, ascending, counted from the scene.
-        - `radius_m`: radius of the Earth plus altitude of the level.
+        - `radius_m`: `geodesy.MEAN_RADIUS_M` plus the altitude of the level.
 
         **Raises:** `ValueError` where shapes or axes are not so, or a component is NaN.
         """

@@ -188,7 +188,7 @@ def test_the_numbers_come_last_and_old_ones_go_first(result, tmp_path, monkeypat
         moved.append(target.name)
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("cloudjax_scenes.whole_files.os.replace", failing_move)
+    monkeypatch.setattr("cloudjax_data.whole_files.os.replace", failing_move)
     with pytest.raises(DataError, match="Input/output error"):
         write_fit(result, tmp_path)
     assert len(moved) == 1

@@ -2,7 +2,6 @@ import base64
 import dataclasses
 import json
 import math
-import os
 import re
 import sys
 
@@ -19,7 +18,6 @@ from cloudjax_fit.report import (
     WeightedPixels,
     format_number,
     format_with_std,
-    write_atomically,
     write_comparison,
     write_fit_report,
 )
@@ -218,20 +216,6 @@ def test_numbers_have_three_figures(number, text):
 )
 def test_values_are_as_precise_as_their_deviation(value, std, text):
     assert format_with_std(value, std) == text
-
-
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
-    target = tmp_path / "fit.json"
-    write_atomically(target, "old")
-
-    def fail(*_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(OSError, match="disk full"):
-        write_atomically(target, b"new")
-    assert target.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [target]
 
 
 def _png_size(uri: str) -> tuple[int, int]:

@@ -2,11 +2,12 @@
 
 import os
 import tempfile
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from cloudjax_data import DataError
+from .errors import DataError
 
 
 def require_writable(folder: str | os.PathLike[str]) -> None:
@@ -23,6 +24,38 @@ def require_writable(folder: str | os.PathLike[str]) -> None:
             f"{nearest} is not writable: change its permissions or choose another "
             "folder for the output."
         )
+
+
+@contextmanager
+def whole(
+    path: str | os.PathLike[str], aside: str | os.PathLike[str] | None = None
+) -> Iterator[Path]:
+    """A name to write a file under, which then takes that of `path` at once.
+
+    If anything fails it vanishes instead, and an older file stays.
+
+    **Arguments:**
+
+    - `aside`: that name, of the same file system, for writers who take turns. By
+        default one of its own, hidden in the folder of `path`, which is made.
+    """
+    path = Path(path)
+    if aside is None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # In the same folder: a rename is atomic only within one file system.
+        aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    aside = Path(aside)
+    try:
+        yield aside
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def write_text_whole(path: str | os.PathLike[str], text: str) -> None:
+    """Write a file of UTF-8 so that no reader, and no crash, ever sees half of it."""
+    with whole(path) as aside:
+        aside.write_bytes(text.encode())
 
 
 @contextmanager
