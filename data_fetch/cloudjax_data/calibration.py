@@ -107,7 +107,7 @@ class EmissiveCalibration:
     def radiance(
         self, brightness_temperature_k: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """Invert `brightness_temperature_k`, for temperatures above 50 K."""
+        """The inverse of `brightness_temperature_k`, finite at all temperatures."""
         return planck.radiance(*self._planck, brightness_temperature_k)
 
     @property

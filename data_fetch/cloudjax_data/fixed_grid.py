@@ -1,4 +1,4 @@
-"""The ABI fixed grid holds scan angles of pixel centres as seen from a satellite."""
+"""How netCDF files describe a fixed grid: the CF conventions' geostationary mapping."""
 
 from typing import Any
 

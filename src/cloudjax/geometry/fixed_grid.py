@@ -104,7 +104,7 @@ class FixedGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Count the rows and columns."""
+        """Rows and columns."""
         return len(self.y_rad), len(self.x_rad)
 
     @property
