@@ -107,7 +107,7 @@ class EmissiveCalibration:
     def radiance(
         self, brightness_temperature_k: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """The inverse of `brightness_temperature_k`, finite at all temperatures."""
+        """Invert `brightness_temperature_k`; the result is always finite."""
         return planck.radiance(*self._planck, brightness_temperature_k)
 
     @property

@@ -1,4 +1,4 @@
-"""How netCDF files describe a fixed grid: the CF conventions' geostationary mapping."""
+"""netCDF files describe a fixed grid by the geostationary mapping of CF conventions."""
 
 from typing import Any
 

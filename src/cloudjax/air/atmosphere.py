@@ -1,4 +1,4 @@
-"""Temperature and pressure of clear air by altitude.
+"""Temperature and pressure of clear air depend on altitude here.
 
 The US Standard Atmosphere 1976 (NOAA-S/T 76-1562, table 4 and equations 18, 23, 33),
 and profiles from a weather analysis, both as callables from altitude to temperature.

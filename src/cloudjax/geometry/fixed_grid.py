@@ -104,7 +104,7 @@ class FixedGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Count the rows and columns."""
         return len(self.y_rad), len(self.x_rad)
 
     @property

@@ -206,7 +206,7 @@ class EmissiveBands(eqx.Module):
     def planck(
         self, temperature_k: Float[Array, "*points"]
     ) -> Float[Array, "bands *points"]:
-        """Radiance of a black body; finite down to 1 K, below which it stays."""
+        """Return the radiance of a black body; below 1 K it stays as at 1 K."""
         bands = zip(self.fk1, self.fk2, self.bc1, self.bc2, strict=True)
         return jnp.stack([planck.radiance(*band, temperature_k) for band in bands])
 

@@ -1,4 +1,4 @@
-"""Planck's function of a band, as the files of ABI give it, and its inverse.
+"""Planck's function of a band and its inverse are those that the files of ABI give.
 
 L = fk1 / (exp(fk2 / (bc1 + bc2 T)) - 1), where fk1 and fk2 hold the band's wavenumber
 and bc1 and bc2 correct for its width. Arrays of numpy and of jax serve alike: each
@@ -25,7 +25,7 @@ def radiance(
     bc2: Coefficient,
     temperature_k: Float[Any, "*#points"],
 ) -> Float[Any, "*points"]:
-    """The radiance of a black body; finite down to 1 K, below which it stays."""
+    """Return the radiance of a black body; below 1 K it stays as at 1 K."""
     xp = temperature_k.__array_namespace__()
     effective = bc1 + bc2 * xp.maximum(temperature_k, LEAST_K)
     return fk1 / xp.expm1(xp.minimum(fk2 / effective, _LARGEST_EXPONENT))
@@ -38,6 +38,6 @@ def brightness_temperature_k(
     bc2: Coefficient,
     radiance: Float[Any, "*#points"],
 ) -> Float[Any, "*points"]:
-    """The inverse of `radiance`. Only positive radiances have a temperature."""
+    """Invert `radiance`; only positive radiances have a temperature [K]."""
     xp = radiance.__array_namespace__()
     return (fk2 / xp.log1p(fk1 / radiance) - bc1) / bc2

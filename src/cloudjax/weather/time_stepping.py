@@ -11,7 +11,7 @@ Rate = Callable[[Array, Array], Array]
 
 
 class AbstractScheme(eqx.Module):
-    """One explicit step of dy/dt = rate(y, t)."""
+    """A scheme takes one explicit step of dy/dt = rate(y, t)."""
 
     @abc.abstractmethod
     def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
