@@ -14,6 +14,7 @@ from cloudjax import Scene, render
 from cloudjax_data import sun_direction
 from cloudjax_scenes.weather_analysis import Analysis
 
+from .cautions import cautions
 from .fitted_scene import (
     DEFAULT_LIGHT,
     background,
@@ -94,6 +95,7 @@ class FitResult:
     - `start`, `image`: simulated with the parameters before and after.
     - `distances_start`, `distances_fit`: by band.
     - `history`: loss after each step; `seconds`: wall time by phase.
+    - `warnings`: what to mind before believing it.
     """
 
     target: Target
@@ -167,6 +169,11 @@ def fit(
     start = simulate_image(scene, target, analysis, settings.resolution)
     image = simulate_image(fitted, target, analysis, settings.resolution)
     clock.lap("render")
+    depths = {
+        layer.name: depth
+        for layer, depth in zip(fitted.layers, image.depths, strict=True)
+    }
+    earth = np.isfinite(image.radiance[0])
     return FitResult(
         target=target,
         settings=settings,
@@ -182,6 +189,7 @@ def fit(
         distances_fit=_distances(target, image),
         history=best.history,
         seconds=clock.seconds,
+        warnings=cautions(target, estimates, depths, earth),
     )
 
 

@@ -1,4 +1,4 @@
-"""Temperature, pressure and density of clear air by altitude.
+"""Temperature and pressure of clear air by altitude.
 
 The US Standard Atmosphere 1976 (NOAA-S/T 76-1562, table 4 and equations 18, 23, 33),
 and profiles from a weather analysis, both as callables from altitude to temperature.
@@ -78,11 +78,6 @@ def pressure_pa(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*point
     ]
     scale_heights = GRAVITY_M_S2 / GAS_CONSTANT_J_KG_K * ft.reduce(op.add, paths)
     return SEA_LEVEL_PRESSURE_PA * jnp.exp(-scale_heights)
-
-
-def density_kg_m3(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Density [kg m⁻³] of the US Standard Atmosphere 1976 at geometric altitude [m]."""
-    return pressure_pa(altitude_m) / (GAS_CONSTANT_J_KG_K * temperature_k(altitude_m))
 
 
 class AbstractTemperature(eqx.Module):

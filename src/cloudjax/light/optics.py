@@ -63,11 +63,6 @@ class Particles(eqx.Module):
         """Mean cosine of the scattering angle of sunlight."""
         return self._rows(2, [_sunlit(band) for band in bands])
 
-    def absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Of thermal radiation per condensate, k (1 - ω), in m²/g; bands 7 to 16."""
-        rows = [_thermal(band) for band in bands]
-        return jnp.exp(self._rows(0, rows) + self._rows(1, rows))
-
     def thermal_co_albedo_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
         """1 - ω of thermal radiation; bands 7 to 16."""
         return jnp.exp(self._rows(1, [_thermal(band) for band in bands]))

@@ -2,7 +2,6 @@
 
 import abc
 from collections.abc import Callable
-from typing import ClassVar
 
 import equinox as eqx
 from jaxtyping import Array
@@ -12,41 +11,15 @@ Rate = Callable[[Array, Array], Array]
 
 
 class AbstractScheme(eqx.Module):
-    """One explicit step of dy/dt = rate(y, t), of global error O(step ** order)."""
-
-    order: ClassVar[int]
+    """One explicit step of dy/dt = rate(y, t)."""
 
     @abc.abstractmethod
     def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
         """y at t + step."""
 
 
-class Euler(AbstractScheme):
-    """Forward Euler, first order: for comparison."""
-
-    order: ClassVar[int] = 1
-
-    def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
-        """y at t + step."""
-        return y + step * rate(y, t)
-
-
-class Heun(AbstractScheme):
-    """The explicit trapezoidal rule, second order: half the price of `RungeKutta4`."""
-
-    order: ClassVar[int] = 2
-
-    def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
-        """y at t + step."""
-        k1 = rate(y, t)
-        k2 = rate(y + step * k1, t + step)
-        return y + step / 2 * (k1 + k2)
-
-
 class RungeKutta4(AbstractScheme):
     """The classical fourth-order method."""
-
-    order: ClassVar[int] = 4
 
     def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
         """y at t + step."""
