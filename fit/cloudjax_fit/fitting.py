@@ -150,7 +150,7 @@ def fit(
         layer.name: depth
         for layer, depth in zip(fitted.layers, image.depths, strict=True)
     }
-    earth = np.isfinite(image.radiance).all(axis=0)
+    earth = np.isfinite(image.radiance[0])
     return FitResult(
         target=target,
         made_of=made_of,
