@@ -125,7 +125,6 @@ def fit(
     free = [p for p in parameters if p.free]
     problem, _ = pose(
         target,
-        made_of,
         scene,
         free,
         rays=settings.rays,

@@ -21,7 +21,7 @@ from .netcdf import disk_errors, write_netcdf
 from .quantity import RADIANCE, Quantity
 from .sensor_image import SensorImage, render_sensor, sensor_dataset, write_picture
 from .sensors import Sensor
-from .weather_scene import World
+from .weather_scene import Winds, World
 
 
 # Some 600 MB with the rays of all pixels in float64.
@@ -51,7 +51,7 @@ def render_strips(
     sensor: Sensor,
     bands: list[Band],
     time: datetime,
-    weather: Weather | None = None,
+    winds: Winds | None = None,
     *,
     resolution: int = 128,
     pixels: int = PIXELS_AT_ONCE,
@@ -61,7 +61,7 @@ def render_strips(
 
     `on_tile` is called with numbers of pixels.
     """
-    weather = world.weather(time) if weather is None else weather
+    winds = world.winds(time) if winds is None else winds
     every, above = np.prod(sensor.view.shape), 0
     for strip in strips(sensor, pixels):
         size = np.prod(strip.view.shape)
@@ -71,7 +71,7 @@ def render_strips(
                 on_tile(int(above + size * done / count), int(every))
 
         yield render_sensor(
-            world, strip, bands, time, weather, resolution=resolution, on_tile=in_strip
+            world, strip, bands, time, winds, resolution=resolution, on_tile=in_strip
         )
         above += size
     if on_tile is not None:

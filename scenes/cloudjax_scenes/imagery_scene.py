@@ -4,40 +4,30 @@ There is no cirrus without a window band, and no air and no sunlight in bands th
 not asked.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from cloudjax import (
     Air,
     Band,
-    BandRadiances,
     CloudClass,
+    DisplacementMap,
     EmissiveBands,
-    LatLonGrid,
     MaskGrid,
-    Rays,
     ReflectiveBands,
     Scene,
     StandardAtmosphere,
-    Weather,
     class_layer,
 )
 from cloudjax.air.clear_air import rayleigh
-from cloudjax.geometry.geodesy import up
-from cloudjax_data import DataError, sun_direction
+from cloudjax_data import DataError
 
 from .imagery import Imagery
+from .imagery_sky import ImagerySky
 from .lights import PAPER, Light
-from .surface import Surface
 from .weather_analysis import Analysis
-
-
-# At most so much of a clear radiance at 3.9 µm is the sun's, or nothing would be warm.
-MOST_SUN = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +72,14 @@ class SceneFromImagery:
         return self.light.imagery_classes() if self.known is None else self.known
 
     def build(self) -> Scene:
-        """Build the scene, at the values of the classes."""
+        """Build the scene, at the values of the classes.
+
+        The clouds stand where the imagery has them, drawn by the winds of the analysis;
+        the ground is the clear sky of the imagery.
+        """
         imagery, light = self.imagery, self.light
         temperature, humidity = (
-            (StandardAtmosphere(jnp.asarray(0.0)), None)
+            (StandardAtmosphere(), None)
             if self.analysis is None
             else self.analysis.air(imagery)
         )
@@ -99,8 +93,12 @@ class SceneFromImagery:
                 steps=self.steps,
                 extinction_share=light.share,
                 movable=True,
+                mask=mask,
+                displacements=maps,
             )
-            for i, one in enumerate(self.classes)
+            for i, (one, mask, maps) in enumerate(
+                zip(self.classes, self._masks(), self._displacements(), strict=True)
+            )
         )
         return Scene(
             layers=layers,
@@ -114,53 +112,21 @@ class SceneFromImagery:
             emission=light.emission() if light.emission and emissive else None,
             temperature=temperature,
             air=Air.of_bands(tuple(imagery.bands), humidity) if light.air else None,
+            ground=ImagerySky.of(imagery),
         )
 
-    def weather(self) -> Weather:
-        """Find where the clouds may stand, and how the winds have drawn them."""
+    def _masks(self) -> list[MaskGrid]:
         imagery = self.imagery
-        masks = [
-            MaskGrid.from_fraction(
-                fraction, imagery.latitude_deg, imagery.longitude_deg
-            )
+        axes = imagery.latitude_deg, imagery.longitude_deg
+        return [
+            MaskGrid.from_fraction(fraction, *axes)
             for fraction in imagery.fractions.values()
         ]
+
+    def _displacements(self) -> Sequence[Sequence[DisplacementMap | None] | None]:
         if self.analysis is None:
-            return Weather(masks)
-        return Weather(masks, self.analysis.displacements(self.classes))
-
-    def background(self, rays: Rays) -> BandRadiances:
-        """Find what rays see without cloud.
-
-        Clear pixels show what band 7 reflects and emits as one: by day the sun's part
-        is that of the surface's table, and what is left is emission.
-        """
-        imagery = self.imagery
-        ground, _ = rays.ground(imagery.grid.ellipsoid)
-        place = ground.latitude_deg, ground.longitude_deg
-        grid = LatLonGrid.from_axes(imagery.latitude_deg, imagery.longitude_deg)
-        maps = np.stack([imagery.backgrounds[n] for n in imagery.bands], axis=-1)
-        values = np.asarray(grid.sample(maps, *place)).T
-        seen = dict(zip(imagery.bands, values, strict=True))
-        sunlit = {
-            band.number: seen[band.number]
-            if band.reflective
-            else self._reflected(band, seen[band.number], *place)
-            for band in imagery.sunlit
-        }
-        emitted = {
-            band.number: seen[band.number] - sunlit.get(band.number, 0.0)
-            for band in imagery.emissive
-        }
-        return BandRadiances(_rows(sunlit), _rows(emitted))
-
-    def _reflected(self, band: Band, seen, latitude_deg, longitude_deg):
-        """The sun's part of a clear radiance, by the table of the surface."""
-        vertical = up(latitude_deg, longitude_deg)
-        height = np.maximum((vertical * sun_direction(self.imagery.time)).sum(-1), 0)
-        (albedo,) = Surface().reflectance([band.number], latitude_deg, longitude_deg)
-        reflected = albedo * height / self.imagery.coefficients(band.number)["kappa0"]
-        return np.minimum(reflected, MOST_SUN * seen)
+            return [None] * len(self.classes)
+        return self.analysis.displacements(self.classes)
 
 
 def path_reflectance(band: Band, light: Light) -> float:
@@ -173,7 +139,3 @@ def path_reflectance(band: Band, light: Light) -> float:
         return 0.0
     τ = float(rayleigh.optical_depth(band.wavelength_um))
     return float(0.85 * τ * 1.5 / (4 * np.cos(np.radians(50))))
-
-
-def _rows(parts: Mapping[int, np.ndarray]) -> Float[jnp.ndarray, "bands rays"] | None:
-    return jnp.asarray(np.array(list(parts.values())), float) if parts else None

@@ -16,7 +16,6 @@ from cloudjax import (
     CloudProducts,
     FixedGrid,
     Scene,
-    Weather,
     render,
 )
 from cloudjax.geometry.geodesy import up
@@ -31,7 +30,7 @@ from cloudjax_data import (
 from .band_image import BandImage, write_band_picture
 from .quantity import RADIANCE, Quantity
 from .sensors import Sensor
-from .weather_scene import World
+from .weather_scene import Winds, World
 
 
 # Sine of the sun's height: at 6 degrees below the horizon clouds are dark as well.
@@ -84,7 +83,7 @@ def render_sensor(
     sensor: Sensor,
     bands: list[Band],
     time: datetime,
-    weather: Weather | None = None,
+    winds: Winds | None = None,
     *,
     resolution: int = 128,
     on_tile: Callable[[int, int], None] | None = None,
@@ -93,7 +92,7 @@ def render_sensor(
 
     **Arguments:**
 
-    - `weather`: of that time, where it is at hand; else the world's.
+    - `winds`: how they have drawn the clouds, where that is at hand; else the world's.
     - `resolution`: voxels per axis of the textures.
     - `on_tile`: called with the numbers of rays done and of all.
 
@@ -102,8 +101,7 @@ def render_sensor(
     world.require_resolution(resolution)
     view, sun = sensor.view, sun_direction(time)
     ground, hit = view.rays().ground()
-    day, distance_au = _is_day(ground, hit, sun), earth_sun_distance_au(time)
-    scene = world.scene(bands, distance_au, day=day)
+    scene = world.scene(bands, time, winds, day=_is_day(ground, hit, sun))
     # A fixed grid has much of space, a camera the limb and the sky with their clouds.
     spared = isinstance(view, FixedGrid) and hit.any()
     pixels = np.flatnonzero(hit) if spared else np.arange(hit.size)
@@ -111,8 +109,6 @@ def render_sensor(
         scene,
         lambda index: view.rays(pixels[index]),
         sun,
-        lambda index: world.background(scene, view.rays(pixels[index]), time),
-        world.weather(time) if weather is None else weather,
         rays=len(pixels),
         resolution=resolution,
         with_products=True,

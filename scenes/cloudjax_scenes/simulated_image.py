@@ -59,8 +59,6 @@ def simulate_image(
         scene,
         rays,
         sun_direction(imagery.time),
-        lambda index: made_of.background(rays[index]),
-        made_of.weather(),
         resolution=resolution,
         with_products=True,
     )

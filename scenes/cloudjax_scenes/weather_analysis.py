@@ -22,7 +22,7 @@ from cloudjax.geometry.geodesy import MEAN_RADIUS_M
 from cloudjax.weather.advection import DisplacementMap, Wind, displacement_map
 from cloudjax_data import WeatherCube, WeatherSeries, check_altitude
 
-from .air_profile import AirProfile
+from .air_profile import mean_profile, profiles_of
 from .imagery import Imagery
 
 
@@ -60,7 +60,8 @@ class Analysis:
     ) -> tuple[TemperatureProfile, Float[np.ndarray, " levels"]]:
         """Find the mean temperature and specific humidity over imagery."""
         φ, λ = np.meshgrid(imagery.latitude_deg, imagery.longitude_deg, indexing="ij")
-        kelvin, humidity = AirProfile(self._regular).mean(φ.ravel(), λ.ravel())
+        profiles = profiles_of(self._regular)
+        kelvin, humidity = mean_profile(profiles, φ.ravel(), λ.ravel())
         levels = jnp.asarray(LEVELS_M, float)
         profile = TemperatureProfile(
             levels, jnp.asarray(kelvin, float), jnp.asarray(0.0)

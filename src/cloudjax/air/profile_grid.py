@@ -3,9 +3,9 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from cloudjax.geometry.latlon_grid import LatLonGrid
+from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid
 
 from .atmosphere import AbstractTemperature
 
@@ -23,8 +23,8 @@ class ProfileGrid(eqx.Module):
     - `grid`: the places of the nodes.
     """
 
-    temperature_k: Float[Array, "lat lon levels"]
-    specific_humidity: Float[Array, "lat lon levels"]
+    temperature_k: Float[AnyArray, "lat lon levels"]
+    specific_humidity: Float[AnyArray, "lat lon levels"]
     grid: LatLonGrid
 
     def __call__(
@@ -53,7 +53,7 @@ class TemperatureGrid(AbstractTemperature):
     - `grid`: the places of the nodes.
     """
 
-    temperature_k: Float[Array, "lat lon levels"]
+    temperature_k: Float[AnyArray, "lat lon levels"]
     grid: LatLonGrid
     spacing_m: float = eqx.field(static=True)
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from cloudjax.geometry.geodesy import up
-from cloudjax.geometry.latlon_grid import LatLonGrid
+from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid
 from cloudjax.geometry.path import device_array
 from cloudjax.geometry.rays import GroundPoints
 
@@ -186,8 +186,8 @@ class ClearSky(AbstractGround):
     - `grid`: the places of the nodes.
     """
 
-    reflective: Float[Array, "lat lon reflective"] | None
-    emissive: Float[Array, "lat lon emissive"] | None
+    reflective: Float[AnyArray, "lat lon reflective"] | None
+    emissive: Float[AnyArray, "lat lon emissive"] | None
     grid: LatLonGrid
     under_air: ClassVar[bool] = False
 

@@ -1,10 +1,13 @@
 """Layers from classes of cloud."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import jax.numpy as jnp
 
 from cloudjax.clouds.classes import CloudClass
+from cloudjax.weather.advection import DisplacementMap
+from cloudjax.weather.masks import AbstractMask
 
 from .scene import Layer
 
@@ -18,6 +21,8 @@ def class_layer(
     steps: int = 24,
     extinction_share: float = 1.0,
     movable: bool = False,
+    mask: AbstractMask | None = None,
+    displacements: Sequence[DisplacementMap | None] | None = None,
 ) -> Layer:
     """Make the layer of a class for the bands of a scene.
 
@@ -29,10 +34,17 @@ def class_layer(
     - `extinction_share`: of the physical extinction that the scene's light calls
       extinction; absorption in the infrared stays the physical one.
     - `movable`: a fit will move the cloud within its shell, see `CloudClass.cloud`.
+    - `mask`, `displacements`: where the weather lets it stand, and how the wind has
+      drawn each of its textures.
     """
+    cloud = replace(
+        cloud_class.cloud(seed, movable=movable),
+        mask=mask,
+        displacements=None if displacements is None else tuple(displacements),
+    )
     particles = cloud_class.optics
     return Layer(
-        cloud=cloud_class.cloud(seed, movable=movable),
+        cloud=cloud,
         extinction_per_m=jnp.asarray(
             extinction_share * cloud_class.extinction_per_m, float
         ),
