@@ -51,10 +51,8 @@ class ImagerySky(ClearSky):
             emissive=_nodes(imagery, imagery.emissive),
             grid=LatLonGrid.from_axes(imagery.latitude_deg, imagery.longitude_deg),
             surface=Surface.of() if both else None,
-            kappa0=tuple(
-                imagery.coefficients(b.number)["kappa0"] for b in imagery.sunlit
-            ),
-            sunlit=tuple(band.number for band in imagery.sunlit),
+            kappa0=tuple(imagery.coefficients(n)["kappa0"] for n in sunlit),
+            sunlit=sunlit,
             thermal=tuple(band.number for band in imagery.emissive),
         )
 
