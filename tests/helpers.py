@@ -220,8 +220,10 @@ def under_weather(
     ):
         if mask is not None and not isinstance(mask, AbstractMask):
             mask = FunctionMask(mask)
-        cloud = dataclasses.replace(one.cloud, mask=mask, displacements=maps)
-        layers.append(dataclasses.replace(one, cloud=cloud))
+        if mask is not None or maps is not None:
+            cloud = dataclasses.replace(one.cloud, mask=mask, displacements=maps)
+            one = dataclasses.replace(one, cloud=cloud)
+        layers.append(one)
     return dataclasses.replace(scene, layers=tuple(layers))
 
 
