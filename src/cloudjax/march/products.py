@@ -72,6 +72,7 @@ def products_of(
     top = jnp.where(met, top_altitude_m(ways), jnp.nan)
     # Weights of a quadrature add up to one but for rounding.
     cover = jnp.clip(1 - clear, 0, 1)
+    each = cloudy[None]
     return CloudProducts(
-        cloudy * cover, cloudy * jnp.stack(depths), top, cloudy * jnp.stack(share)
+        cloudy * cover, each * jnp.stack(depths), top, each * jnp.stack(share)
     )

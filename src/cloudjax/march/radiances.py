@@ -106,6 +106,7 @@ def cloud_share(
 
 def _mixed(share, some, none):
     """Cloudy where the share is 1, clear where it is 0; neither is rounded there."""
+    share = jnp.broadcast_to(share, some.shape)
     mixed = share * some + (1 - share) * none
     return jnp.where(share == 1, some, jnp.where(share == 0, none, mixed))
 

@@ -196,9 +196,10 @@ class _Look(eqx.Module):
         sunward = mine.source.sample(branch, mine.textures, steps=steps, slopes=False)
         own = mine.at_altitudes_of(branch.path, steps)
         rise = jnp.diff(here.altitude_m(ends))
-        return jax.tree.map(
-            lambda x: x.reshape(rays, points, *x.shape[1:]), Shade(rise, sunward, own)
+        parts = jax.tree.map(
+            lambda x: x.reshape(rays, points, *x.shape[1:]), (rise, sunward, own)
         )
+        return Shade(*parts)
 
     def _ends(self, here: Path, through: Path, shell, *, near: bool):
         """Distances from the points at which steps towards the sun begin and end."""
