@@ -1,5 +1,6 @@
 """One regime for all tests: where the real files are, and JAX without surprises."""
 
+import gc
 import os
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +26,27 @@ import jax  # noqa: E402
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
+# Bytes that a process holds before it forgets what the tests of a file compiled: the
+# functions of all tests fill gigabytes.
+ENOUGH = 1.2e9
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forget_what_is_compiled():
+    yield
+    if _resident_bytes() > ENOUGH:
+        jax.clear_caches()
+        gc.collect()
+
+
+def _resident_bytes() -> float:
+    """Memory of this process; where the system does not tell, too much."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return float("inf")
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
@@ -41,6 +63,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="replace what tests/regression has stored, and say what moved",
     )
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let the tests of a file run on one worker, for they share what is compiled.
+
+    Files that share something more are of one group of their own.
+    """
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            file = item.nodeid.split("::")[0]
+            item.add_marker(pytest.mark.xdist_group(file))
 
 
 @pytest.fixture(scope="session")

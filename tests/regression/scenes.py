@@ -20,6 +20,8 @@ from tests.helpers import (
 )
 from tests.scenes import write_scene
 
+from .stored import share
+
 
 # Every one of so many pixels of an image is stored.
 APART = 8
@@ -75,21 +77,28 @@ def comparison(folder: Path) -> dict[str, float]:
     }
 
 
-def numbers_of(fit_json: Path) -> dict[str, np.ndarray | float]:
-    """What a fit found: parameters as value and std, distances, shares, losses."""
+def numbers_of(fit_json: Path) -> tuple[dict, dict]:
+    """What a fit found, and what rounding may change of it.
+
+    The start and the first two steps are exact to rounding. Ten steps make it grow:
+    another order of summation moved values by 0.13 of their standard deviations,
+    deviations by 10 % and distances by 3 %.
+    """
     fit = json.loads(fit_json.read_text())
-    parameters = {
-        name: np.array([found["value"], found["std"]], float)
-        for name, found in fit["parameters"].items()
-    }
-    distances = {
-        f"C{int(band):02d} {name}": numbers[name]
+    exact = {
+        f"C{int(band):02d} w1_start_over_std": numbers["w1_start_over_std"]
         for band, numbers in fit["bands"].items()
-        for name in ("w1_start_over_std", "w1_fit_over_std", "ks_fit")
+    } | {"first losses": np.array(fit["history"][:3])}
+    grown = {
+        f"C{int(band):02d} w1_fit_over_std": numbers["w1_fit_over_std"]
+        for band, numbers in fit["bands"].items()
+    } | {
+        f"cloud fraction {when}": fraction
+        for when, fraction in fit["cloud_fraction"].items()
     }
-    shares = {f"cloud fraction {k}": v for k, v in fit["cloud_fraction"].items()}
-    water = {
-        f"{name} water_content_g_m3": cloud["water_content_g_m3"]
-        for name, cloud in fit["clouds"].items()
+    found = {name: of["value"] for name, of in fit["parameters"].items()}
+    std = {f"{name}, std": of["std"] for name, of in fit["parameters"].items()}
+    allowed = share(exact, 1e-4) | share(grown, 0.06) | share(std, 0.25)
+    return exact | grown | found | std, allowed | {
+        name: 0.3 * of["std"] for name, of in fit["parameters"].items()
     }
-    return parameters | distances | shares | water | {"loss": fit["history"]}
