@@ -1,20 +1,101 @@
 """One regime for all tests: where the real files are, and JAX without surprises."""
 
+import gc
 import os
+from importlib.metadata import version
 from pathlib import Path
 
-import jax
 import pytest
 
 
+ROOT = Path(__file__).parents[1]
+# Functions compiled by one test serve the others, in other processes and in later runs.
+# In the environment, for JAX reads it at its import, also in the processes that tests
+# start; a size makes JAX lock the folder, which several workers share.
+KEPT = ROOT / ".pytest_cache" / f"jax-{version('jax')}-{version('jaxlib')}"
+for name, value in {
+    "JAX_COMPILATION_CACHE_DIR": str(KEPT),
+    "JAX_COMPILATION_CACHE_MAX_SIZE": str(2 * 1024**3),
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
+    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+}.items():
+    os.environ.setdefault(name, value)
+
+import jax  # noqa: E402
+
+
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+# Bytes that a process holds before it forgets what the tests of a file compiled: the
+# functions of all tests fill gigabytes.
+ENOUGH = 1.2e9
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forget_what_is_compiled():
+    yield
+    if _resident_bytes() > ENOUGH:
+        jax.clear_caches()
+        gc.collect()
+
+
+def _resident_bytes() -> float:
+    """Memory of this process; where the system does not tell, too much."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return float("inf")
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of real GOES and GFS files, or a skip where there is none."""
-    root = Path(__file__).parents[1]
-    folder = Path(os.environ.get("CLOUDJAX_DATA", root.parent / "shared" / "data"))
+    folder = Path(os.environ.get("CLOUDJAX_DATA", ROOT.parent / "shared" / "data"))
     if not folder.is_dir():
         pytest.skip(f"no real files: {folder} is absent (set CLOUDJAX_DATA)")
     return folder
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--regression-update",
+        action="store_true",
+        help="replace what tests/regression has stored, and say what moved",
+    )
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let the tests of a file run on one worker, for they share what is compiled.
+
+    Files that share something more are of one group of their own.
+    """
+    for item in items:
+        if item.get_closest_marker("xdist_group") is None:
+            file = item.nodeid.split("::")[0]
+            item.add_marker(pytest.mark.xdist_group(file))
+
+
+@pytest.fixture(scope="session")
+def weather_folder(tmp_path_factory) -> Path:
+    """Weather of two times and two classes of cloud."""
+    from tests.weather_scenes import write_inputs
+
+    return write_inputs(tmp_path_factory.mktemp("weather"))
+
+
+@pytest.fixture(scope="session")
+def rendered(weather_folder) -> Path:
+    """The image over that weather; its tests are of the group "render"."""
+    from tests.weather_scenes import render_image
+
+    return render_image(weather_folder, weather_folder / "out.nc")
+
+
+@pytest.fixture(scope="session")
+def example_of_a_fit(tmp_path_factory):
+    """The README's fit, run once; its tests are of the group "fit"."""
+    from tests.readme import run_fit
+
+    return run_fit(tmp_path_factory.mktemp("readme"))

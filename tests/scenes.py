@@ -23,14 +23,17 @@ LEVELS = {1000: 110.0, 700: 3000.0, 500: 5600.0, 300: 9200.0, 100: 16500.0}
 
 
 def write_scene(
-    folder: Path, bands: Iterable[int] = (1, 3, 13), start: datetime = SCAN_START
+    folder: Path,
+    bands: Iterable[int] = (1, 3, 13),
+    start: datetime = SCAN_START,
+    seed: int = 0,
 ) -> Path:
     """Half of it low cloud, some under a higher one, in L1b files on 2 km."""
     folder.mkdir(parents=True, exist_ok=True)
-    low, high = _field(0) > 0.0, _field(1) > 0.5
+    low, high = _field(seed) > 0.0, _field(seed + 1) > 0.5
     height_m = np.where(high, 8000.0, np.where(low, 1500.0, 0.0))
-    temperature_k = 290.0 - 6.5e-3 * height_m + _field(2)
-    reflectance = np.where(low | high, 0.5 + 0.08 * _field(3), 0.06)
+    temperature_k = 290.0 - 6.5e-3 * height_m + _field(seed + 2)
+    reflectance = np.where(low | high, 0.5 + 0.08 * _field(seed + 3), 0.06)
     for band in bands:
         calibration = default_calibration(band)
         reflects = isinstance(calibration, ReflectiveCalibration)

@@ -10,10 +10,10 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from cloudjax.geometry.geodesy import MEAN_RADIUS_M
-from cloudjax.workers import Worker, in_turns, median_seconds
 
 from .sizes import Context
 from .text import table
+from .workers import Worker, in_turns, median_seconds
 
 
 HOURS = 20.0

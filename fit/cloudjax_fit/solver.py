@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -49,68 +49,98 @@ class Solution:
 class Solver:
     """A compiled Levenberg-Marquardt solver for problems of one structure.
 
-    **Arguments:** `on_step` is called on the host with the number of each step and its
-    loss.
+    One step is compiled, and repeated from the host: a function that calls back to the
+    host could not be kept by JAX's compilation cache.
+
+    **Arguments:** `on_step` is called with the number of each step and its loss.
     """
 
     def __init__(
         self, problem: Problem, *, max_steps: int = 150, on_step: OnStep | None = None
     ):
-        self._losses: list[float] = []
-        self._on_step = on_step
+        self._max_steps, self._on_step = max_steps, on_step
         started = time.perf_counter()
         z = jnp.zeros(len(problem.parameters))
-        self._max_steps = max_steps
-        compiled: Any = eqx.filter_jit(self._least_squares)
-        self._solve = compiled.lower(z, problem).compile()
+        state = _levenberg_marquardt().init(
+            _residuals_and_none,
+            z,
+            problem,
+            {},
+            eqx.filter_eval_shape(residuals, z, problem),
+            None,
+            frozenset(),
+        )
+        self._start, self._static = eqx.partition(state, eqx.is_array)
+        step: Any = eqx.filter_jit(self._step)
+        self._compiled = step.lower(z, self._start, problem).compile()
         self.compile_seconds = time.perf_counter() - started
 
     def __call__(self, problem: Problem, z: Float[Array, " parameters"]) -> Solution:
         started = time.perf_counter()
-        self._losses.clear()
-        found, successful, loss = jax.device_get(self._solve(z, problem))
-        jax.effects_barrier()
-        converged, loss = bool(successful), float(loss)
-        message = self._in_words(converged)
+        state = eqx.tree_at(lambda s: s.y_eval, self._start, z)
+        losses: list[float] = []
+        done = False
+        while not done and len(losses) < self._max_steps:
+            z, state, facts = self._compiled(z, state, problem)
+            facts = jax.device_get(facts)
+            if self._on_step is not None:
+                self._on_step(len(losses), float(facts.tried_loss))
+            losses.append(float(facts.tried_loss))
+            done = bool(facts.ends) or not facts.sound
+        converged, loss = bool(facts.ends and facts.sound), float(facts.loss)
+        message = self._in_words(converged, len(losses))
         if not np.isfinite(loss):
             converged, message = False, "the residuals are not finite"
         seconds = time.perf_counter() - started
-        return Solution(found, converged, message, (*self._losses, loss), seconds)
+        history = (*losses, loss)
+        return Solution(np.asarray(z), converged, message, history, seconds)
 
-    def _in_words(self, converged: bool) -> str:
-        steps = len(self._losses)
+    def _in_words(self, converged: bool, steps: int) -> str:
         if converged:
             return f"converged in {steps} steps"
         if steps >= self._max_steps:
             return f"not converged in the {steps} steps allowed: allow more"
         return f"the solver broke down after {steps} steps: try another start"
 
-    def _least_squares(self, z, problem):
-        solver = _levenberg_marquardt(self._verbose)
-        solution = optx.least_squares(
-            residuals,
-            solver,
-            z,
-            args=problem,
-            max_steps=self._max_steps,
-            throw=False,
+    def _step(self, z, state, problem: Problem):
+        told: dict[str, Any] = {}
+        solver = _levenberg_marquardt(lambda **facts: told.update(facts))
+        state = eqx.combine(state, self._static)
+        found, state, _ = solver.step(
+            _residuals_and_none, z, problem, {}, state, frozenset()
         )
-        loss = 0.5 * (residuals(solution.value, problem) ** 2).sum()
-        return solution.value, solution.result == optx.RESULTS.successful, loss
-
-    def _verbose(self, **facts):
-        jax.debug.callback(
-            self._record, facts["num_steps"][1], facts["loss_this_step"][1],
-            ordered=True,
-        )  # fmt: skip
-
-    def _record(self, step, loss):
-        self._losses.append(float(loss))
-        if self._on_step is not None:
-            self._on_step(int(step), float(loss))
+        ends, result = solver.terminate(
+            _residuals_and_none, found, problem, {}, state, frozenset()
+        )
+        facts = _Facts(
+            tried_loss=told["loss_this_step"][1],
+            loss=0.5 * (state.f_info.residual**2).sum(),
+            ends=ends,
+            sound=(result == optx.RESULTS.successful) & jnp.isfinite(z).all(),
+        )
+        return found, eqx.filter(state, eqx.is_array), facts
 
 
-def _levenberg_marquardt(verbose: Callable[..., None]) -> optx.LevenbergMarquardt:
+class _Facts(NamedTuple):
+    """What the host must know of a step.
+
+    **Fields:** the loss of the point that was tried, and of the best one since the
+    start; whether the solver ends here; whether it still works.
+    """
+
+    tried_loss: Array
+    loss: Array
+    ends: Array
+    sound: Array
+
+
+def _residuals_and_none(z, problem: Problem):
+    return residuals(z, problem), None
+
+
+def _levenberg_marquardt(
+    verbose: Callable[..., None] | bool = False,
+) -> optx.LevenbergMarquardt:
     """Levenberg-Marquardt for residuals in float32.
 
     The trust region grows already where three quarters of the predicted decrease come

@@ -5,18 +5,25 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_quick_benchmark_writes_its_tables(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "benchmarks/bench.py", "--quick", "-o", str(tmp_path)],
+def bench(*options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "benchmarks/bench.py", *map(str, options)],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+@pytest.mark.slow
+def test_a_quick_benchmark_writes_its_tables(tmp_path):
+    done = bench("--quick", "-o", tmp_path)
     assert done.returncode == 0, done.stderr
     found = json.loads((tmp_path / "bench.json").read_text())
     (row,) = found["parts"]["table3"]["rows"]
@@ -26,16 +33,23 @@ def test_a_quick_benchmark_writes_its_tables(tmp_path):
     # One hard ray sees a point of a pixel of hundreds of kilometres.
     assert 0 < ours["rmse"] < peer["rmse"] < 0.5
     assert "brute" not in (tmp_path / "bench.md").read_text()
+    assert (tmp_path / "bench.png").is_file()
     assert found["machine"]["cores"] in (tmp_path / "bench.md").read_text()
 
 
-def test_a_part_that_does_not_exist_is_refused(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "benchmarks/bench.py", "--only", "table4"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_the_parts_that_render_nothing_write_their_tables(tmp_path):
+    """What stands in for the whole: two maps of one wind, and the start of commands."""
+    done = bench("--quick", "--only", "displacement,startup", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "bench.json").read_text())
+    assert list(found["parts"]) == ["displacement", "startup"]
+    assert 0 < found["parts"]["displacement"]["apart_m"] < 50
+    text = (tmp_path / "bench.md").read_text()
+    assert found["machine"]["cores"] in text
+    assert "Displacement map of 5.0°" in text
+
+
+def test_a_part_that_does_not_exist_is_refused():
+    done = bench("--only", "table4")
     assert done.returncode == 2
     assert "table4" in done.stderr

@@ -1,26 +1,22 @@
-"""The example in the README runs as it stands."""
+"""The examples in the README run as they stand."""
 
 import re
-from pathlib import Path
 
 import pytest
 
-
-README = Path(__file__).parents[2] / "README.md"
-
-
-def _examples() -> list[str]:
-    text = README.read_text(encoding="utf-8")
-    return re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+from tests.readme import examples, is_fit, run
 
 
-@pytest.mark.parametrize("code", _examples(), ids=lambda code: code.split("\n")[0])
-def test_the_example_runs(code, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    exec(compile(code, str(README), "exec"), {"__name__": "__main__"})
-    assert re.search(r"C13 .*W1/std \d\.\d{3}", capsys.readouterr().out)
-    assert (tmp_path / "out" / "example" / "report.html").is_file()
+@pytest.mark.xdist_group("fit")
+def test_the_fit_runs(example_of_a_fit):
+    assert re.search(r"C13 .*W1/std \d\.\d{3}", example_of_a_fit.output)
+    assert (example_of_a_fit.folder / "out" / "example" / "report.html").is_file()
 
 
-def test_there_is_an_example():
-    assert _examples()
+@pytest.mark.parametrize(
+    "code",
+    [code for code in examples() if not is_fit(code)],
+    ids=lambda code: code.split("\n")[0],
+)
+def test_the_other_examples_run(code, tmp_path):
+    run(code, tmp_path)

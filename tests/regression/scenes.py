@@ -1,0 +1,104 @@
+"""What is rendered, fitted and compared: the only part that knows how."""
+
+import json
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from cloudjax import BandRadiances, render
+from tests.commands import run
+from tests.helpers import (
+    emissive_bands,
+    fractal_cloud,
+    geostationary_rays,
+    layer,
+    make_scene,
+    reflective_bands,
+    sun,
+)
+from tests.scenes import write_scene
+
+from .stored import share
+
+
+# Every one of so many pixels of an image is stored.
+APART = 8
+RENDERED = (
+    "radiance_C02",
+    "radiance_C13",
+    "cloud_fraction",
+    "cloud_optical_depth",
+    "cloud_top_height",
+)
+
+
+def fractal_image() -> dict[str, np.ndarray]:
+    """600 pixels of 2 km of one fractal cloud, by band, without a file."""
+    cloud = layer(fractal_cloud(nodes=3))
+    scene = make_scene([cloud], reflective_bands(1), emissive_bands(13))
+
+    def behind(index) -> BandRadiances:
+        one = jnp.ones((1, len(index)))
+        return BandRadiances(20 * one, 100 * one)
+
+    rays = geostationary_rays(600, 8.0)
+    seen = render(scene, rays, sun(40.0), behind, resolution=16).radiances
+    assert seen.reflective is not None
+    assert seen.emissive is not None
+    return {
+        "radiance_C01": np.asarray(seen.reflective[0]),
+        "radiance_C13": np.asarray(seen.emissive[0]),
+    }
+
+
+def image_of(file: Path) -> dict[str, np.ndarray]:
+    """Some pixels of a file of `cloudjax render`."""
+    with xr.open_dataset(file) as data:
+        return {
+            name: data[name].to_numpy()[APART // 2 :: APART, APART // 2 :: APART]
+            for name in RENDERED
+        }
+
+
+def comparison(folder: Path) -> dict[str, float]:
+    """Distances of two generated scenes, from report.json."""
+    a = write_scene(folder / "a")
+    b = write_scene(folder / "b", seed=10)
+    result = run("report", a, b, "-o", folder / "out")
+    assert result.exit_code == 0, result.output
+    bands = json.loads((folder / "out" / "report.json").read_text())["bands"]
+    return {
+        f"C{int(band):02d} {name}": value
+        for band, numbers in bands.items()
+        for name, value in numbers.items()
+        if name != "units"
+    }
+
+
+def numbers_of(fit_json: Path) -> tuple[dict, dict]:
+    """What a fit found, and what rounding may change of it.
+
+    The start and the first two steps are exact to rounding. Ten steps make it grow:
+    another order of summation moved values by 0.13 of their standard deviations,
+    deviations by 10 % and distances by 3 %.
+    """
+    fit = json.loads(fit_json.read_text())
+    exact = {
+        f"C{int(band):02d} w1_start_over_std": numbers["w1_start_over_std"]
+        for band, numbers in fit["bands"].items()
+    } | {"first losses": np.array(fit["history"][:3])}
+    grown = {
+        f"C{int(band):02d} w1_fit_over_std": numbers["w1_fit_over_std"]
+        for band, numbers in fit["bands"].items()
+    } | {
+        f"cloud fraction {when}": fraction
+        for when, fraction in fit["cloud_fraction"].items()
+    }
+    found = {name: of["value"] for name, of in fit["parameters"].items()}
+    std = {f"{name}, std": of["std"] for name, of in fit["parameters"].items()}
+    allowed = share(exact, 1e-4) | share(grown, 0.06) | share(std, 0.25)
+    return exact | grown | found | std, allowed | {
+        name: 0.3 * of["std"] for name, of in fit["parameters"].items()
+    }
