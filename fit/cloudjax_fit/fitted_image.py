@@ -27,7 +27,7 @@ def fitted_image(
     one a value beyond its bounds; for shadows with another light than the physical one.
     """
     made_of, parameters = inputs.made_of, inputs.parameters
-    values = _values(inputs)
+    values = fitted_values(inputs)
     scene = put_all(
         made_of.build(), parameters, jnp.asarray([values[p.name] for p in parameters])
     )
@@ -35,8 +35,8 @@ def fitted_image(
     return simulate_image(scene, made_of, inputs.settings.fit.resolution), values
 
 
-def _values(inputs: FitInputs) -> dict[str, float]:
-    """Values by name: fitted ones go before those of the settings."""
+def fitted_values(inputs: FitInputs) -> dict[str, float]:
+    """Return values by name: fitted ones go before those of the settings."""
     values = {p.name: p.default for p in inputs.parameters}
     fitted = inputs.fitted
     if fitted is None:

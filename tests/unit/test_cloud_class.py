@@ -1,6 +1,8 @@
 """Classes of cloud from data: the four of the paper, a fifth, and faulty ones."""
 
 import math
+import re
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -296,3 +298,17 @@ def test_a_layer_takes_its_share_of_the_physical_extinction(tmp_path):
     assert whole.cloud.shell == fog.marched
     assert class_layer(fog, movable=True).cloud.shell == fog.shell
     assert class_layer(fog).relative_absorption.shape == (0,)
+
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def test_the_classes_of_the_documents_can_be_read_and_fitted(tmp_path):
+    blocks = re.findall(r"```toml\n(.*?)```", (DOCS / "formats.md").read_text(), re.S)
+    (fog,) = (block for block in blocks if block.startswith("[fog]"))
+    example = load_classes(DOCS / "classes_example.toml")
+    assert example["anvil_cirrus"].imagery is not None
+    assert {n: example[n] for n in cloud_classes()} == cloud_classes()
+    for one in (load(tmp_path, fog)["fog"], *example.values()):
+        for p in one.parameters:
+            assert p.prior.lower < p.default < p.prior.upper, p

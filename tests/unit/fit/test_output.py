@@ -172,7 +172,7 @@ def test_the_image_is_cf_and_georeferenced(folder, result):
         )
         np.testing.assert_array_equal(radiance, result.image.band(13))
         np.testing.assert_array_equal(data["cloud_weight"], result.image.cloud)
-        np.testing.assert_array_equal(data["x"], result.target.grid.x_rad)
+        np.testing.assert_array_equal(data["x"], result.target.imagery.grid.x_rad)
         assert "low_stratus.threshold" in json.loads(data.attrs["parameters"])
         assert data.attrs["seed"] == 7
 
