@@ -199,7 +199,9 @@ class TurnedAir(DisplacementMap):
     @classmethod
     def by(cls, degrees: float) -> "TurnedAir":
         grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.array([0.0, 180.0]))
-        return cls(jnp.zeros((2, 2, 3)), numbers(0.0)[0], numbers(0.0)[0], grid, degrees)
+        return cls(
+            jnp.zeros((2, 2, 3)), numbers(0.0)[0], numbers(0.0)[0], grid, degrees
+        )
 
     def displacement_of(self, points):
         c, s = np.cos(np.radians(self.degrees)), np.sin(np.radians(self.degrees))
@@ -261,7 +263,9 @@ class PlacesGround(AbstractGround):
             *(
                 None
                 if group is None
-                else jnp.asarray(level + ramp / 10 + np.arange(len(group.numbers)), float)
+                else jnp.asarray(
+                    level + ramp / 10 + np.arange(len(group.numbers)), float
+                )
                 for group, level in bands
             )
         )
