@@ -72,7 +72,6 @@ def make_twin(folder: Path, seed: int = 3) -> Twin:
     parameters = with_overrides(free, vague)
     problem, _ = pose(
         target,
-        replace(made_of, imagery=target.imagery),
         scene,
         parameters,
         rays=SHAPE[0] * SHAPE[1],

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from tests.scenes import NIGHT, write_scene
 
-from cloudjax_data import DataError
+from cloudjax.march.radiances import see_clear
+from cloudjax.march.view import look_around
+from cloudjax_data import DataError, sun_direction
 from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_fit.scene_parameters import scene_parameters
 
@@ -17,7 +19,8 @@ def test_by_day_the_sun_s_part_and_emission_add_to_what_is_seen(tmp_path):
     assert scene.reflective is not None
     assert scene.reflective.numbers == (7,)
     pixels = np.flatnonzero(imagery.grid.rays().ground()[1])[::50]
-    behind = made_of.background(imagery.grid.rays(pixels))
+    around = look_around(scene, imagery.grid.rays(pixels), sun_direction(imagery.time))
+    behind = see_clear(scene, around)[0]
     assert behind.reflective is not None
     assert behind.emissive is not None
     assert (np.asarray(behind.reflective) > 0).all()

@@ -56,14 +56,14 @@ def weather(folder, **ground):
 
 
 def test_known_places_are_land_or_sea():
-    assert Surface().land_share(*at(*LAND.values())) == pytest.approx(1.0)
-    assert Surface().land_share(*at(*WATER.values())) == pytest.approx(0.0)
+    assert Surface.of().land_at(*at(*LAND.values())) == pytest.approx(1.0)
+    assert Surface.of().land_at(*at(*WATER.values())) == pytest.approx(0.0)
 
 
 def test_the_share_of_land_is_that_of_the_earth():
     """29.2 % of the sphere; lakes, 0.5 % to 1 % of it, count as land."""
     φ, λ = np.meshgrid(np.arange(-89.75, 90, 0.5), np.arange(-179.75, 180, 0.5))
-    share = Surface().land_share(φ.ravel(), λ.ravel())
+    share = Surface.of().land_at(φ.ravel(), λ.ravel())
     weight = np.cos(np.radians(φ.ravel()))
     assert np.average(share, weights=weight) == pytest.approx(0.292, abs=0.01)
 
@@ -71,14 +71,14 @@ def test_the_share_of_land_is_that_of_the_earth():
 def test_a_coast_lies_where_it_is():
     """Pedernales, Ecuador, 0.07 N 80.05 W; the middle of the change within 0.1 deg."""
     longitude = np.linspace(-80.6, -79.6, 201)
-    share = Surface().land_share(np.full(201, 0.07), longitude)
+    share = Surface.of().land_at(np.full(201, 0.07), longitude)
     assert share[0] == 0
     assert share[-1] == 1
     assert longitude[np.argmax(share > 0.5)] == pytest.approx(-80.05, abs=0.1)
 
 
 def test_reflectances_of_sea_and_land():
-    found = Surface().reflectance([3, 1, 6], *at(WATER["Pacific"], LAND["Kansas"]))
+    found = Surface.of().reflectance([3, 1, 6], *at(WATER["Pacific"], LAND["Kansas"]))
     assert found.shape == (3, 2)
     np.testing.assert_allclose(found[:, 0], [SEA[2], SEA[0], SEA[5]])
     # Land is brighter, most of all in the near infrared.
@@ -92,7 +92,7 @@ def test_reflectances_of_sea_and_land():
 )
 def test_cold_ground_and_sea_are_white(tmp_path, skin_k, snow):
     places = at(WATER["North Pole"], WATER["Pacific"])
-    cold = Surface(weather(tmp_path, t=skin_k))
+    cold = Surface.of(weather(tmp_path, t=skin_k))
     np.testing.assert_allclose(cold.temperature_k(*places), skin_k, rtol=1e-4)
     expected = snow * SNOW[1] + (1 - snow) * SEA[1]
     found = cold.reflectance([2], *places)
@@ -106,20 +106,20 @@ def test_cold_ground_and_sea_are_white(tmp_path, skin_k, snow):
 def test_without_a_skin_the_lowest_air_above_ground_counts(
     tmp_path, ground_m, expected_k
 ):
-    surface = Surface(weather(tmp_path, orog=ground_m))
+    surface = Surface.of(weather(tmp_path, orog=ground_m))
     found = surface.temperature_k(*at((45.0, 200.0), (-10.0, -77.0)))
     np.testing.assert_allclose(found, expected_k, atol=0.01)
 
 
 def test_without_weather_the_standard_temperature():
-    np.testing.assert_array_equal(Surface().temperature_k(*at((0, 0))), 288.15)
+    np.testing.assert_array_equal(Surface.of().temperature_k(*at((0, 0))), 288.15)
 
 
 def test_what_is_not_reflected_at_4_micrometres_is_emitted():
     place = at((0.0, -140.0), (23.0, 10.0), (-89.0, 0.0))
-    (albedo,) = Surface().reflectance([7], *place)
+    (albedo,) = Surface.of().reflectance([7], *place)
     assert albedo[0] == pytest.approx(SEA[6])
     assert 0.1 < albedo[1] < 0.2
-    emissivity = Surface().emissivity([13, 7], *place)
+    emissivity = Surface.of().emissivity([13, 7], *place)
     np.testing.assert_array_equal(emissivity[0], 1)
     np.testing.assert_allclose(emissivity[1], 1 - albedo)

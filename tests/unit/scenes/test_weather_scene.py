@@ -9,9 +9,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import Camera, cloud_classes, nominal_bands
+from cloudjax import Camera, FractalCloud, cloud_classes, nominal_bands
 from cloudjax.geometry.geodesy import up
-from cloudjax_data import DataError, WeatherSeries, read_weather, sun_direction
+from cloudjax.march.radiances import see_clear
+from cloudjax.march.view import look_around
+from cloudjax_data import (
+    DataError,
+    WeatherSeries,
+    earth_sun_distance_au,
+    read_weather,
+    sun_direction,
+)
 from cloudjax_scenes.surface import SEA
 from cloudjax_scenes.weather_scene import World
 from tests.generated_grib import write_grib
@@ -50,8 +58,7 @@ def west_wind(speed_m_s: float = 40.0):
 
 def test_uniform_weather_has_uniform_masks(tmp_path):
     made = world(analysis(tmp_path))
-    masks = made.weather(TIME).masks
-    assert masks is not None
+    masks = [layer.cloud.mask for layer in made.scene([BANDS[2]], TIME).layers]
     φ, λ = np.array([-70.0, -3.0, 0.0, 45.0]), np.array([179.9, -180.0, 0.3, 77.0])
     for one, mask in zip(made.classes.values(), masks, strict=True):
         fraction = made.fractions(one.conditions, TIME)
@@ -93,9 +100,10 @@ def _masks_move(one, hours: float):
 
 
 def _mask(made: World):
-    masks = made.weather(TIME).masks
-    assert masks is not None
-    return masks[0]
+    cloud = made.scene([BANDS[2]], TIME).layers[0].cloud
+    assert isinstance(cloud, FractalCloud)
+    assert cloud.mask is not None
+    return cloud.mask
 
 
 def test_frames_carry_their_maps_on(tmp_path):
@@ -107,10 +115,11 @@ def test_frames_carry_their_maps_on(tmp_path):
     frames = list(made.frames(TIME, 3, 60.0))
     assert [time - TIME for time, _ in frames] == [timedelta(hours=h) for h in range(3)]
     longer = _longer(one, 2.0)
-    afresh = world(made.series.cubes[0], classes={"a": longer}).weather(TIME)
+    later = world(made.series.cubes[0], classes={"a": longer})
     place = up(np.array([-50.0, 0.0, 35.0]), np.array([-120.0, 10.0, 179.0]))
     carried, exact = (
-        _first_map(air).displacement_of(place) for air in (frames[2][1], afresh)
+        _first_map(*one).displacement_of(place)
+        for one in ((made, frames[2][1]), (later, later.winds(TIME)))
     )
     way = np.linalg.norm(exact, axis=-1)
     assert (way > 0.05).all()
@@ -125,8 +134,13 @@ def _longer(one, hours: float):
     return dataclasses.replace(one, textures=textures)
 
 
-def _first_map(air):
-    return air.displacements[0][0]
+def _first_map(made: World, winds):
+    cloud = made.scene([BANDS[2]], TIME, winds).layers[0].cloud
+    assert isinstance(cloud, FractalCloud)
+    assert cloud.displacements is not None
+    first = cloud.displacements[0]
+    assert first is not None
+    return first
 
 
 def test_temperatures_are_linear_between_levels_and_held_beyond(tmp_path):
@@ -134,10 +148,15 @@ def test_temperatures_are_linear_between_levels_and_held_beyond(tmp_path):
     φ, λ = np.array([0.0, 41.0, -88.0, 10.0]), np.array([0.0, -179.0, 33.0, 5.0])
     z = np.array([1000.0, 3333.0, 12_345.0, 40_000.0])
     expected = 300 - 7e-3 * np.minimum(z, 15_500.0)
-    np.testing.assert_allclose(made.temperature_k(φ, λ, z), expected, atol=0.01)
+    np.testing.assert_allclose(made.temperature.at(φ, λ, z), expected, atol=0.01)
     # There is nothing below the lowest level, 110 m: the first one above serves.
-    below = made.temperature_k(φ[:1], λ[:1], np.array([-100.0]))
+    below = made.temperature.at(φ[:1], λ[:1], np.array([-100.0]))
     assert below == pytest.approx(300 - 7e-3 * 500, abs=0.01)
+
+
+def clear(scene, rays):
+    """What is seen without cloud."""
+    return see_clear(scene, look_around(scene, rays, sun_direction(TIME)))[0]
 
 
 def seen_from(latitude_deg: float, longitude_deg: float):
@@ -147,13 +166,10 @@ def seen_from(latitude_deg: float, longitude_deg: float):
 
 def test_the_ground_is_dark_by_night_and_brighter_on_land(tmp_path):
     made = world(analysis(tmp_path), air=False)
-    scene = made.scene([BANDS[3], BANDS[13]])
+    scene = made.scene([BANDS[3], BANDS[13]], TIME)
     assert scene.reflective is not None
     places = {"land": (-5.0, -65.0), "sea": (0.0, -140.0), "night": (23.0, 100.0)}
-    seen = {
-        name: made.background(scene, seen_from(*place), TIME)
-        for name, place in places.items()
-    }
+    seen = {name: clear(scene, seen_from(*place)) for name, place in places.items()}
     per_radiance = float(scene.reflective.reflectance_per_radiance[0])
     factor = {
         name: float(np.asarray(one.reflective)[0, 0]) * per_radiance
@@ -174,9 +190,9 @@ def test_the_ground_is_dark_by_night_and_brighter_on_land(tmp_path):
 
 def test_there_is_nothing_where_a_ray_misses_the_earth(tmp_path):
     made = world(analysis(tmp_path))
-    scene = made.scene([BANDS[2], BANDS[13]])
+    scene = made.scene([BANDS[2], BANDS[13]], TIME)
     away = Camera(0.0, 0.0, 500e3, 0.0, 45.0, 1.0, 1, 1).rays()
-    seen = made.background(scene, away, TIME)
+    seen = clear(scene, away)
     assert not np.asarray(seen.reflective).any()
     assert not np.asarray(seen.emissive).any()
 
@@ -185,7 +201,7 @@ def test_optics_are_those_of_the_radius_of_the_class(tmp_path):
     one = cloud_classes()["low_stratus"]
     coarse = dataclasses.replace(one, effective_radius_um=30.0)
     made = world(analysis(tmp_path), classes={"a": one, "b": coarse})
-    fine, big = made.scene([BANDS[5], BANDS[13]]).layers
+    fine, big = made.scene([BANDS[5], BANDS[13]], TIME).layers
     # Larger droplets absorb more of 1.6 µm.
     assert float(big.co_albedo[0]) > 2 * float(fine.co_albedo[0])
 
@@ -217,23 +233,23 @@ def test_band_7_reflects_and_emits_by_day_and_emits_by_night(tmp_path):
     rays = seen_from(0.0, -140.0)
     seen = {}
     for day in (True, False):
-        scene = made.scene([BANDS[7], BANDS[13]], day=day)
+        scene = made.scene([BANDS[7], BANDS[13]], TIME, day=day)
         assert scene.bands == (7, 13)
         assert (scene.reflective is not None) == day
-        seen[day] = np.asarray(scene.total(made.background(scene, rays, TIME)))[:, 0]
+        seen[day] = np.asarray(scene.total(clear(scene, rays)))[:, 0]
     assert scene.emissive is not None
     black = scene.emissive.planck(jnp.asarray([300 - 0.77 + 0.715]))[:, 0]
     np.testing.assert_allclose(seen[False], black * np.array([0.98, 1.0]), rtol=3e-3)
     sun = float((up(*np.array([[0.0], [-140.0]])) * sun_direction(TIME)).sum())
-    # 14.655 mW m⁻² (cm⁻¹)⁻¹ of sunlight, over π.
-    reflected = 0.02 * sun * 14.655 / np.pi
+    # 14.655 mW m⁻² (cm⁻¹)⁻¹ of sunlight at 1 astronomical unit, over π.
+    reflected = 0.02 * sun * 14.655 / np.pi / earth_sun_distance_au(TIME) ** 2
     np.testing.assert_allclose(seen[True] - seen[False], [reflected, 0], rtol=1e-4)
 
 
 def test_shadows_are_asked_in_steps_and_for_physical_light(tmp_path):
     cube = analysis(tmp_path)
-    assert world(cube).scene([BANDS[2]]).shadows is None
-    shadows = world(cube, shadows=4).scene([BANDS[2]]).shadows
+    assert world(cube).scene([BANDS[2]], TIME).shadows is None
+    shadows = world(cube, shadows=4).scene([BANDS[2]], TIME).shadows
     assert shadows is not None
     assert shadows.steps == 4
     for wrong in ({"shadows": -1}, {"shadows": 4, "light": "paper"}):
