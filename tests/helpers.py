@@ -246,15 +246,15 @@ class GivenGround(AbstractGround):
     def seen(self, samples, reflective, emissive) -> Leaving:
         given = samples.properties
         reflected = given.reflective
-        if reflected is not None:
+        if reflected is not None and reflective is not None:
             reflected = reflective.reflectance(reflected.T)
         return Leaving(reflected, None if given.emissive is None else given.emissive.T)
 
 
-class PlacesGround(AbstractGround):
+class PlacesGround(GivenGround):
     """Radiances without cloud that tell every place from all others."""
 
-    under_air: ClassVar[bool] = False
+    radiances: BandRadiances = BandRadiances(None, None)
 
     def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
         ramp = (places.latitude_deg + places.longitude_deg / 7)[:, None]
@@ -270,9 +270,6 @@ class PlacesGround(AbstractGround):
             )
         )
         return GroundSamples.of(places, hit, sun_direction, properties=given)
-
-    def seen(self, samples, reflective, emissive) -> Leaving:
-        return GivenGround.seen(self, samples, reflective, emissive)
 
 
 def over(scene: Scene, background: BandRadiances) -> Scene:

@@ -79,14 +79,14 @@ class Solver:
         started = time.perf_counter()
         state = eqx.tree_at(lambda s: s.y_eval, self._start, z)
         losses: list[float] = []
-        done = False
-        while not done and len(losses) < self._max_steps:
+        while True:
             z, state, facts = self._compiled(z, state, problem)
             facts = jax.device_get(facts)
             if self._on_step is not None:
                 self._on_step(len(losses), float(facts.tried_loss))
             losses.append(float(facts.tried_loss))
-            done = bool(facts.ends) or not facts.sound
+            if facts.ends or not facts.sound or len(losses) >= self._max_steps:
+                break
         converged, loss = bool(facts.ends and facts.sound), float(facts.loss)
         message = self._in_words(converged, len(losses))
         if not np.isfinite(loss):

@@ -64,6 +64,7 @@ from .light.reflection import Scatterers as Scatterers
 from .light.reflection import Slabs as Slabs
 from .light.reflection import TwoFlux as TwoFlux
 from .march.layer import class_layer as class_layer
+from .march.make_scene import make_scene as make_scene
 from .march.products import CloudProducts as CloudProducts
 from .march.radiances import products as products
 from .march.radiances import radiances as radiances
@@ -86,6 +87,7 @@ from .weather.masks import AbstractMask as AbstractMask
 from .weather.masks import Conditions as Conditions
 from .weather.masks import DrawnMask as DrawnMask
 from .weather.masks import MaskGrid as MaskGrid
+from .weather.masks import UniformMask as UniformMask
 from .weather.masks import cloud_fraction as cloud_fraction
 from .weather.masks import fraction_to_mask as fraction_to_mask
 

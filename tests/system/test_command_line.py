@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 import xarray as xr
 
+from cloudjax import class_table, imagery_classes
 from cloudjax_cli import main
 from cloudjax_fit.fit_inputs import FitInputs, read_inputs
 from cloudjax_fit.fitting import FitSettings
@@ -68,7 +70,7 @@ def test_compiled_functions_are_kept_where_asked(tmp_path):
 
 def test_help_is_quick_and_leaves_jax_alone():
     code = (
-        "import sys, cloudjax_fit.cli\n"
+        "import sys, cloudjax_cli\n"
         "heavy = {'jax', 'numpy', 'xarray', 'matplotlib'} & set(sys.modules)\n"
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
@@ -189,6 +191,24 @@ def test_settings_of_the_scene_and_of_the_command_line(scene, tmp_path, no_solve
     assert settings == FitSettings(rays=99, seed=3)
     assert overrides == {"cirrus.top": {"free": False}}
     assert analysis is None
+    assert no_solver.classes == [None]
+
+
+def test_classes_of_the_user_reach_the_fit(scene, tmp_path, no_solver):
+    """Low cloud alone: high cloud is then no one's."""
+    one = {"mine": class_table(imagery_classes()["low_stratus"])}
+    (tmp_path / "mine.toml").write_text(tomli_w.dumps(one))
+    classes = "--classes", tmp_path / "mine.toml"
+    no_solver.run = read_inputs(scene, classes=tmp_path / "mine.toml")
+    result = run("fit", scene, "-o", tmp_path / "out", *classes)
+    assert result.exit_code == 0, result.output
+    ((target, *_),) = no_solver
+    assert list(target.imagery.fractions) == ["mine"]
+    assert list(no_solver.classes[0]) == ["mine"]
+    (tmp_path / "mine.toml").write_text(tomli_w.dumps(one | {"other": {}}))
+    refused = run("fit", scene, "-o", tmp_path / "out", *classes)
+    assert refused.exit_code == 2
+    assert "mine.toml: class other has no threshold" in refused.stderr
 
 
 def test_several_scenes_get_a_folder_each(scene, tmp_path, no_solver):

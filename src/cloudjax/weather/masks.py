@@ -226,6 +226,29 @@ class MaskGrid(AbstractMask):
         return self.grid.sample(nodes, latitude_deg, longitude_deg)[..., 0]
 
 
+class UniformMask(AbstractMask):
+    """The same mask everywhere.
+
+    **Fields:** `mask`: w.
+    """
+
+    mask: Float[Array, ""]
+
+    @classmethod
+    def from_fraction(cls, fraction: float) -> "UniformMask":
+        """Make the mask of a cloud fraction from 0 to 1."""
+        return cls(fraction_to_mask(jnp.asarray(fraction, float)))
+
+    def __call__(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points"]:
+        """Give the same value for all places."""
+        del longitude_deg
+        return np.full(np.shape(latitude_deg), float(self.mask))
+
+
 class DrawnMask(AbstractMask):
     """A `DrawnMask` is a weather mask that the wind has drawn out.
 

@@ -8,12 +8,12 @@ from tests.fit_results import made_up_result
 from tests.scenes import write_scene
 
 from cloudjax_fit.cautions import cautions
-from cloudjax_fit.scene_run import prepare
+from cloudjax_fit.fit_inputs import read_inputs
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    return made_up_result(prepare(write_scene(tmp_path_factory.mktemp("scene"))))
+    return made_up_result(read_inputs(write_scene(tmp_path_factory.mktemp("scene"))))
 
 
 def cautions_of(result, **changes):

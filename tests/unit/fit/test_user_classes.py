@@ -129,9 +129,7 @@ def test_fits_of_scenes_with_one_structure_are_compiled_once():
     for seed in (0, 1):
         made_of = SceneFromImagery(target.imagery, seed=seed, steps=2)
         parameters = scene_parameters(made_of)
-        problem, _ = pose(
-            target, made_of, made_of.build(), parameters, rays=16, seed=seed
-        )
+        problem, _ = pose(target, made_of.build(), parameters, rays=16, seed=seed)
         found.append(float(loss(unbounded_of(parameters), problem)))
     assert found[0] != found[1]
     assert len(traced) == 1
