@@ -2,9 +2,12 @@
 
 import re
 import runpy
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+
+from tests.scenes import write_weather
 
 
 ROOT = Path(__file__).parents[2]
@@ -20,5 +23,7 @@ EXAMPLES = [
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_the_example_runs(path, tmp_path, monkeypatch):
+    # What examples of weather read, under the name that they have for it.
+    write_weather(tmp_path, datetime(2019, 10, 27, 18, tzinfo=UTC))
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path), run_name="__main__")

@@ -54,9 +54,8 @@ def make_scene(
     thermal = [band for band in chosen if not band.reflective]
     numbers = [band.number for band in chosen]
     networks = PlaneParallel.load()
-    mask = (
-        cover if isinstance(cover, AbstractMask) else UniformMask.from_fraction(cover)
-    )
+    if not isinstance(cover, AbstractMask):
+        cover = UniformMask.from_fraction(cover)
     return Scene(
         layers=tuple(
             class_layer(
