@@ -9,7 +9,7 @@ KEY = pytest.StashKey[Stored]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.stash[KEY] = Stored(config.getoption("--regression-update"))
+    config.stash[KEY] = Stored(bool(config.getoption("--regression-update")))
 
 
 @pytest.fixture
