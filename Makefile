@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
 
-.PHONY: demo test test-slow regression-update lint check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
+.PHONY: demo test test-slow regression-update lint docs check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
 
 demo: $(VENV)/installed
 	$(BIN)/cloudjax demo -o out/demo
@@ -27,7 +27,12 @@ lint: $(VENV)/installed-dev
 	$(BIN)/lint-imports
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-check: lint test
+# The site is written to out/site; nothing is asked of the network while it is built.
+docs: $(VENV)/installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	$(BIN)/python tools/site/check.py out/site
+
+check: lint test docs
 
 bench: $(VENV)/installed-peers
 	$(BIN)/python benchmarks/bench.py -o out/bench
@@ -54,13 +59,18 @@ $(VENV)/installed: pyproject.toml | $(BIN)/python
 
 $(VENV)/installed-dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --editable . --group test --group oracles --group tools --group lint
-	touch $@ $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --editable . --group test --group oracles --group tools --group lint --group docs
+	touch $@ $(VENV)/installed $(VENV)/installed-docs
 
 $(VENV)/installed-peers: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	$(BIN)/python -m pip install --quiet --editable . --group peers
 	touch $@ $(VENV)/installed
+
+$(VENV)/installed-docs: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
+	$(BIN)/python -m pip install --quiet --group docs
+	touch $@
 
 clean:
 	rm -rf $(VENV) out build dist

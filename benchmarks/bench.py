@@ -3,8 +3,8 @@
 Renders the full discs of the paper's Table 3 with cloudjax and by the paper's algorithm
 in JAX, in numba and in Dr.Jit, and measures time, memory and the error against a
 converged truth; then displacement maps, derivatives, a fit, and how cost grows. Writes
-bench.json, bench.md (tables) and bench.png to DIR; docs/benchmark.md says how to read
-them.
+bench.json, bench.md (tables) and bench.png to DIR;
+docs/accuracy/other_renderers.md says how to read them.
 """
 
 import argparse

@@ -15,6 +15,9 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 
+from cloudjax.geometry.geodesy import GRS80
+from cloudjax_data.whole_files import whole
+
 
 SIZE, CHUNK, STEP_RAD = 21696, 226, 1.4e-5
 SCALE, OFFSET, FILL = 0.15859237, -20.289911, 4095
@@ -70,8 +73,7 @@ def resident_mb(line: str) -> float:
 
 def write_file(path: Path) -> None:
     """A band 2 file, written strip by strip and named when it is whole."""
-    aside = path.with_suffix(".making")
-    with netCDF4.Dataset(aside, "w") as file:
+    with whole(path) as aside, netCDF4.Dataset(aside, "w") as file:
         file.setncatts(
             {
                 "dataset_name": path.name,
@@ -85,7 +87,6 @@ def write_file(path: Path) -> None:
         write_axes(file)
         write_scalars(file)
         write_image(file)
-    aside.rename(path)
 
 
 def write_axes(file: netCDF4.Dataset) -> None:
@@ -100,8 +101,8 @@ def write_axes(file: netCDF4.Dataset) -> None:
     projection.setncatts(
         {
             "perspective_point_height": 35786023.0,
-            "semi_major_axis": 6378137.0,
-            "semi_minor_axis": 6356752.31414,
+            "semi_major_axis": GRS80.semi_major_m,
+            "semi_minor_axis": GRS80.semi_minor_m,
             "longitude_of_projection_origin": -75.0,
             "sweep_angle_axis": "x",
         }

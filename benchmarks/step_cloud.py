@@ -8,13 +8,10 @@ error of the mean, and root-mean-square error of the 32 columns.
 import argparse
 from pathlib import Path
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
-    POINT,
-    BandRadiances,
     GriddedCloud,
     Layer,
     PlaneParallel,
@@ -24,12 +21,11 @@ from cloudjax import (
     Shadows,
     Shell,
     Slabs,
-    StandardAtmosphere,
-    navigate,
+    UniformGround,
+    look,
     radiances,
-    sample,
 )
-from cloudjax.geometry.geodesy import ecef
+from cloudjax.geometry.geodesy import GRS80, ecef
 
 
 COLUMNS, WIDE_M, SHELL = 32, 500.0, Shell(1000.0, 1250.0)
@@ -55,15 +51,12 @@ def nadir_reflectance(zenith_deg: float, albedo: float, steps: int) -> np.ndarra
     """πL/(μ₀E) of the middles of the columns, sun over the thin side of each step."""
     scene = step_cloud(albedo, Shadows(steps) if steps else None)
     east = (np.arange(COLUMNS) + 0.5) * WIDE_M / COLUMNS
-    longitude, zero = np.degrees(east / 6378137.0), np.zeros(COLUMNS)
+    longitude, zero = np.degrees(east / GRS80.semi_major_m), np.zeros(COLUMNS)
     down = np.broadcast_to([-1.0, 0.0, 0.0], (COLUMNS, 3))
     rays = Rays(ecef(zero, longitude, zero) - 1e5 * down, down, 1e-4)
     θ = np.radians(zenith_deg)
-    view = navigate(scene, rays, np.array([np.cos(θ), -np.sin(θ), 0.0]))
-    textures = tuple(layer.cloud.make_textures(POINT, 0) for layer in scene.layers)
-    sampled = eqx.filter_jit(sample)(scene, view, textures)
-    dark = BandRadiances(jnp.zeros((1, COLUMNS)), None)
-    seen = eqx.filter_jit(radiances)(scene, sampled, dark).reflective
+    view = look(scene, rays, np.array([np.cos(θ), -np.sin(θ), 0.0]))
+    seen = radiances(scene, view).reflective
     assert seen is not None
     return np.asarray(seen[0], float) / np.cos(θ)
 
@@ -90,7 +83,8 @@ def step_cloud(albedo: float, shadows: Shadows | None) -> Scene:
     )
     band = ReflectiveBands((2,), jnp.ones(1), path=jnp.zeros(1), gain=jnp.ones(1))
     slabs = Slabs(PlaneParallel.load())
-    return Scene((layer,), band, None, slabs, StandardAtmosphere(), shadows=shadows)
+    black = UniformGround(albedo=0.0)
+    return Scene((layer,), band, None, slabs, shadows=shadows, ground=black)
 
 
 if __name__ == "__main__":

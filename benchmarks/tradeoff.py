@@ -13,6 +13,7 @@ import os
 import platform
 import statistics
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import jax
@@ -23,18 +24,14 @@ from matplotlib.figure import Figure
 from cloudjax import Scene, render
 from cloudjax_data import sun_direction
 from cloudjax_fit.embedded import embedded_target
-from cloudjax_fit.fitted_scene import (
-    background,
-    build_scene,
-    scene_parameters,
-    weather_of,
-)
-from cloudjax_fit.fitting import SimulatedImage, simulate_image, versions
+from cloudjax_fit.fitting import versions
 from cloudjax_fit.histogram import distances
 from cloudjax_fit.objective import pose
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
+from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.solver import Solver
 from cloudjax_fit.targets import Target
+from cloudjax_scenes import SceneFromImagery, SimulatedImage, simulate_image
 
 
 RAYS = (1024, 2048, 4096, 8192)
@@ -57,9 +54,9 @@ def main() -> None:
         "machine": f"{os.cpu_count()} cores, {platform.machine()}",
         "device": jax.devices()[0].device_kind,
         "versions": versions(),
-        "pixels": list(target.grid.shape),
+        "pixels": list(target.imagery.grid.shape),
         "thinning": THINNING,
-        "bands": list(target.bands),
+        "bands": list(target.statistics),
         "fits": fits,
         "renderings": run_renderings(target, scene),
     }
@@ -71,15 +68,15 @@ def main() -> None:
 
 def run_fits(target: Target) -> tuple[list[dict], Scene]:
     """As `cloudjax_fit.fit`, without its uncertainties and its image of the start."""
-    scene = build_scene(target)
-    parameters = scene_parameters(scene, target)
+    made_of = SceneFromImagery(target.imagery)
+    scene, parameters = made_of.build(), scene_parameters(made_of)
     rows = []
     for rays in RAYS:
-        problem, _ = pose(target, scene, parameters, rays=rays, seed=0)
+        problem, _ = pose(target, made_of, scene, parameters, rays=rays, seed=0)
         solver = Solver(problem)
         found = solver(problem, unbounded_of(parameters))
         fitted = put_all(scene, parameters, values_of(parameters, jnp.asarray(found.z)))
-        image = simulate_image(fitted, target)
+        image = simulate_image(fitted, made_of)
         rows.append(
             {
                 "rays": rays,
@@ -98,17 +95,18 @@ def _w1_over_std(target: Target, image: SimulatedImage) -> dict[int, float]:
     weights = image.cloud.reshape(-1)
     return {
         n: distances(band.quantiles, image.band(n).reshape(-1), weights).w1_over_std
-        for n, band in target.bands.items()
+        for n, band in target.statistics.items()
     }
 
 
 def run_renderings(target: Target, scene: Scene) -> list[dict]:
     """Each case once for its image and to compile, then all of them in turns."""
-    every = target.grid.rays()
-    _, hit = every.ground(target.grid.ellipsoid)
+    made_of, grid = SceneFromImagery(target.imagery), target.imagery.grid
+    every = grid.rays()
+    _, hit = every.ground(grid.ellipsoid)
     rays = every[np.flatnonzero(hit)[::THINNING]]
-    sun, weather = sun_direction(target.time), weather_of(scene, target)
-    behind = background(target, rays)
+    sun, weather = sun_direction(made_of.imagery.time), made_of.weather()
+    behind = made_of.background(rays)
 
     def run(steps: int, resolution: int) -> np.ndarray:
         seen = render(

@@ -4,24 +4,25 @@ import dataclasses
 
 import numpy as np
 
-from cloudjax_fit.fitting import FitResult, FitSettings, SimulatedImage
+from cloudjax_fit.fit_inputs import FitInputs
+from cloudjax_fit.fitting import FitResult, FitSettings
 from cloudjax_fit.histogram import distances
-from cloudjax_fit.scene_run import Run
-from cloudjax_fit.settings import scene_of
 from cloudjax_fit.uncertainty import Estimate
+from cloudjax_scenes.simulated_image import SimulatedImage
 
 
-def made_up_result(run: Run, *, converged: bool = True) -> FitResult:
+def made_up_result(inputs: FitInputs, *, converged: bool = True) -> FitResult:
     """The observed image, made brighter before and hardly changed after the fit."""
-    scene, parameters = scene_of(run.settings, run.target)
-    image, start = _image(run, 1.01), _image(run, 1.3)
+    made_of, parameters = inputs.made_of, inputs.parameters
+    image, start = _image(inputs, 1.01), _image(inputs, 1.3)
     free = [p for p in parameters if p.free]
     return FitResult(
-        target=run.target,
+        target=inputs.target,
+        made_of=made_of,
         settings=FitSettings(seed=7),
         converged=converged,
         status="converged in 2 steps" if converged else "The solver gave up.",
-        scene=scene,
+        scene=made_of.build(),
         estimates=[
             Estimate(p, p.default * 1.1, p.default, np.nan, True, False) for p in free
         ],
@@ -29,26 +30,26 @@ def made_up_result(run: Run, *, converged: bool = True) -> FitResult:
         undetermined=["+0.9 a -0.4 b is known to 0.9 of its prior alone"],
         start=start,
         image=image,
-        distances_start=_distances(run, start),
-        distances_fit=_distances(run, image),
+        distances_start=_distances(inputs, start),
+        distances_fit=_distances(inputs, image),
         history=(9.0, 4.0, 1.0),
         seconds={"compile": 1.0, "solve": 2.0, "total": 3.5},
         warnings=["Mind the step."],
     )
 
 
-def _image(run: Run, factor: float) -> SimulatedImage:
-    numbers = tuple(run.target.bands)
-    radiance = np.stack([run.observed[n] * np.float32(factor) for n in numbers])
+def _image(inputs: FitInputs, factor: float) -> SimulatedImage:
+    numbers = tuple(inputs.target.statistics)
+    radiance = np.stack([inputs.observed[n] * np.float32(factor) for n in numbers])
     radiance[:, 0, :] = np.nan
     cloud = np.isfinite(radiance[0]).astype(float)
-    depths = np.stack([5.0 * cloud for _ in run.target.fractions])
+    depths = np.stack([5.0 * cloud for _ in inputs.made_of.classes])
     return SimulatedImage(numbers, radiance, cloud, depths)
 
 
-def _distances(run: Run, image: SimulatedImage):
+def _distances(inputs: FitInputs, image: SimulatedImage):
     weights = image.cloud.reshape(-1)
     return {
         number: distances(band.quantiles, image.band(number).reshape(-1), weights)
-        for number, band in run.target.bands.items()
+        for number, band in inputs.target.statistics.items()
     }

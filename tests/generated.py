@@ -14,7 +14,8 @@ from typing import Any
 import netCDF4
 import numpy as np
 
-from cloudjax_data import EmissiveCalibration, FixedGrid, ReflectiveCalibration
+from cloudjax import FixedGrid
+from cloudjax_data import EmissiveCalibration, ReflectiveCalibration, cf_attributes
 from tests.generated_grib import write_grib as write_grib
 from tests.generated_grib import write_lambert_grib as write_lambert_grib
 
@@ -248,7 +249,7 @@ def _write_grid(file: netCDF4.Dataset, grid: FixedGrid) -> None:
         axis.units = "rad"
         axis.standard_name = f"projection_{name}_coordinate"
         axis[:] = np.arange(angles.size)
-    attributes = grid.cf_attributes()
+    attributes = cf_attributes(grid)
     attributes["long_name"] = "GOES-R ABI fixed grid projection"
     _write_scalar(file, "goes_imager_projection", np.int32(-2147483647), attributes)
 

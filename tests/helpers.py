@@ -1,15 +1,19 @@
 """Small scenes and lines of sight that many tests share."""
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
-    POINT,
+    AbstractGround,
+    AbstractMask,
     BandRadiances,
     CloudFunction,
+    DisplacementMap,
     EmissiveBands,
     Footprint,
     FractalCloud,
@@ -19,15 +23,19 @@ from cloudjax import (
     Perlin,
     Rays,
     ReflectiveBands,
+    Sampling,
     Scene,
     Shell,
     StandardAtmosphere,
     TwoFlux,
-    navigate,
+    View,
     radiances,
-    sample,
 )
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import ecef
+from cloudjax.geometry.latlon_grid import LatLonGrid
+from cloudjax.light.ground import ClearRadiances, GroundSamples, Leaving
+from cloudjax.march import view as march_view
 
 
 GEOSTATIONARY_M = np.array([42164160.0, 0.0, 0.0])
@@ -161,6 +169,7 @@ def make_scene(
     indirect: float = 0.2,
     temperature=None,
     air=None,
+    **fields,
 ) -> Scene:
     return Scene(
         layers=tuple(layers),
@@ -169,7 +178,103 @@ def make_scene(
         reflection=TwoFlux(jnp.asarray(indirect, float)),
         temperature=temperature or StandardAtmosphere(),
         air=air,
+        **fields,
     )
+
+
+class FunctionMask(AbstractMask):
+    """A mask from any function of latitude and longitude."""
+
+    function: Callable = eqx.field(static=True)
+
+    def __call__(self, latitude_deg, longitude_deg):
+        return self.function(latitude_deg, longitude_deg)
+
+
+class TurnedAir(DisplacementMap):
+    """Solid air that came from further west; the wind of its grid is not read."""
+
+    degrees: float = eqx.field(static=True)
+
+    @classmethod
+    def by(cls, degrees: float) -> "TurnedAir":
+        grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.array([0.0, 180.0]))
+        return cls(
+            jnp.zeros((2, 2, 3)), numbers(0.0)[0], numbers(0.0)[0], grid, degrees
+        )
+
+    def displacement_of(self, points):
+        c, s = np.cos(np.radians(self.degrees)), np.sin(np.radians(self.degrees))
+        return points @ jnp.array([[c - 1, -s, 0], [s, c - 1, 0], [0, 0, 0]])
+
+
+def under_weather(
+    scene: Scene, masks: Sequence | None = None, displacements: Sequence | None = None
+) -> Scene:
+    """The scene with a mask for each layer, and maps for each of its textures.
+
+    **Arguments:** `masks`: functions of latitude and longitude, or None.
+    """
+    none = [None] * len(scene.layers)
+    layers = []
+    for one, mask, maps in zip(
+        scene.layers, masks or none, displacements or none, strict=True
+    ):
+        if mask is not None and not isinstance(mask, AbstractMask):
+            mask = FunctionMask(mask)
+        if mask is not None or maps is not None:
+            cloud = dataclasses.replace(one.cloud, mask=mask, displacements=maps)
+            one = dataclasses.replace(one, cloud=cloud)
+        layers.append(one)
+    return dataclasses.replace(scene, layers=tuple(layers))
+
+
+class GivenGround(AbstractGround):
+    """Radiances without cloud of given rays, which must be laid in one piece.
+
+    **Fields:** `radiances`: at the top of the atmosphere.
+    """
+
+    radiances: BandRadiances
+    under_air: ClassVar[bool] = False
+
+    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+        both = self.radiances.reflective, self.radiances.emissive
+        given = ClearRadiances(*(None if x is None else x.T for x in both))
+        return GroundSamples.of(places, hit, sun_direction, properties=given)
+
+    def seen(self, samples, reflective, emissive) -> Leaving:
+        given = samples.properties
+        reflected = given.reflective
+        if reflected is not None and reflective is not None:
+            reflected = reflective.reflectance(reflected.T)
+        return Leaving(reflected, None if given.emissive is None else given.emissive.T)
+
+
+class PlacesGround(GivenGround):
+    """Radiances without cloud that tell every place from all others."""
+
+    radiances: BandRadiances = BandRadiances(None, None)
+
+    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+        ramp = (places.latitude_deg + places.longitude_deg / 7)[:, None]
+        bands = ((reflective, 40.0), (emissive, 100.0))
+        given = ClearRadiances(
+            *(
+                None
+                if group is None
+                else jnp.asarray(
+                    level + ramp / 10 + np.arange(len(group.numbers)), float
+                )
+                for group, level in bands
+            )
+        )
+        return GroundSamples.of(places, hit, sun_direction, properties=given)
+
+
+def over(scene: Scene, background: BandRadiances) -> Scene:
+    """The scene over radiances that are given for each ray."""
+    return dataclasses.replace(scene, ground=GivenGround(background))
 
 
 def make_background(scene: Scene, rays: int, reflected=20.0, emitted=100.0):
@@ -187,9 +292,43 @@ def make_background(scene: Scene, rays: int, reflected=20.0, emitted=100.0):
 
 
 def make_textures(scene: Scene, footprint: Footprint = POINT, resolution: int = 16):
-    return tuple(
-        layer.cloud.make_textures(footprint, resolution) for layer in scene.layers
-    )
+    return march_view.make_textures(scene, footprint, resolution)
+
+
+def lay_along(
+    scene: Scene,
+    rays: Rays,
+    sun_direction: np.ndarray,
+    masks: Sequence | None = None,
+    displacements: Sequence | None = None,
+    *,
+    footprint: Footprint = POINT,
+    knots: int = 2,
+    twice: bool = False,
+) -> march_view.Ways:
+    """The ways of rays of one kind, whatever their pixels really are."""
+    weathered = under_weather(scene, masks, displacements)
+    sampling = Sampling(footprint, knots, knots)
+    return march_view.lay(weathered, rays, sun_direction, sampling, twice=twice)
+
+
+def view_along(
+    scene: Scene,
+    rays: Rays,
+    sun_direction: np.ndarray,
+    masks: Sequence | None = None,
+    *,
+    footprint: Footprint = POINT,
+    resolution: int = 16,
+    **options,
+) -> View:
+    """A view of rays of one kind; masks are laid and then forgotten.
+
+    So scenes of different masks are compiled once: what is compiled knows no mask.
+    """
+    ways = lay_along(scene, rays, sun_direction, masks, footprint=footprint, **options)
+    textures = make_textures(scene, footprint, resolution)
+    return march_view.sample(scene, ways, textures)
 
 
 def seen_along(
@@ -198,18 +337,11 @@ def seen_along(
     sun_direction: np.ndarray,
     background: BandRadiances,
     masks: Sequence | None = None,
-    *,
-    footprint: Footprint = POINT,
-    resolution: int = 16,
-    **view,
+    **options,
 ) -> BandRadiances:
-    """All three parts of the renderer for a few rays."""
-    way = navigate(scene, rays, sun_direction, masks, **view)
-    textures = make_textures(scene, footprint, resolution)
-    return _radiances(scene, _sample(scene, way, textures), background)
-
-
-_sample, _radiances = eqx.filter_jit(sample), eqx.filter_jit(radiances)
+    """All parts of the renderer for a few rays over given radiances."""
+    scene = over(scene, background)
+    return radiances(scene, view_along(scene, rays, sun_direction, masks, **options))
 
 
 def arrays(seen: BandRadiances) -> tuple[np.ndarray, np.ndarray]:

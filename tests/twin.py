@@ -13,12 +13,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from cloudjax_data import ReflectiveCalibration, open_folder
-from cloudjax_fit.fitted_scene import build_scene, scene_parameters
-from cloudjax_fit.fitting import simulate_image
 from cloudjax_fit.objective import Problem, pose
 from cloudjax_fit.observation import observe
 from cloudjax_fit.parameters import Parameter, put_all, with_overrides
+from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.targets import Target
+from cloudjax_scenes import Imagery, SceneFromImagery, simulate_image
 from tests.generated import default_calibration, window, write_abi_l1b
 
 
@@ -59,11 +59,12 @@ class Twin:
 def make_twin(folder: Path, seed: int = 3) -> Twin:
     """Render the truth, write it as files, read them, and pose the fit."""
     weather = _weather(folder / "first_guess", seed)
-    scene = build_scene(weather, seed=seed, steps=STEPS)
-    every = scene_parameters(scene, weather)
+    made_of = SceneFromImagery(weather, seed=seed, steps=STEPS)
+    scene = made_of.build()
+    every = scene_parameters(made_of)
     free = [p for p in every if p.name in TRUTH]
     truth = put_all(scene, free, jnp.asarray([TRUTH[p.name] for p in free]))
-    image = simulate_image(truth, weather, resolution=RESOLUTION)
+    image = simulate_image(truth, made_of, resolution=RESOLUTION)
     _write(folder / "twin", {b: image.band(b) for b in BANDS}, seed)
     seen = observe(open_folder(folder / "twin").read(BANDS), BANDS)
     target = _with_weather(seen, weather)
@@ -80,8 +81,8 @@ def make_twin(folder: Path, seed: int = 3) -> Twin:
     return Twin(target, problem, parameters)
 
 
-def _weather(folder: Path, seed: int) -> Target:
-    """A target with smooth fractions of both classes over a dark, warm sea."""
+def _weather(folder: Path, seed: int) -> Imagery:
+    """Imagery with smooth fractions of both classes over a dark, warm sea."""
     rng = np.random.default_rng(seed)
     rough = gaussian_filter(rng.standard_normal(SHAPE), 3)
     images = {
@@ -93,23 +94,18 @@ def _weather(folder: Path, seed: int) -> Target:
         for b in BANDS
     }
     _write(folder, images, seed)
-    first = observe(open_folder(folder).read(BANDS), BANDS)
+    first = observe(open_folder(folder).read(BANDS), BANDS).imagery
     shape = len(first.latitude_deg), len(first.longitude_deg)
     fractions = {
         name: np.clip(0.5 + 0.3 * _smooth(rng, shape), 0.1, 0.9)
         for name in first.fractions
     }
     sea = {1: 0.10, 3: 0.03, 13: 289.0}
-    bands = {
-        b: replace(
-            band,
-            background=np.full(
-                shape, default_calibration(b).radiance(np.array([sea[b]])).item()
-            ),
-        )
-        for b, band in first.bands.items()
+    backgrounds = {
+        b: np.full(shape, default_calibration(b).radiance(np.array([sea[b]])).item())
+        for b in first.bands
     }
-    return replace(first, fractions=fractions, bands=bands)
+    return replace(first, fractions=fractions, backgrounds=backgrounds)
 
 
 def _smooth(rng: np.random.Generator, shape) -> np.ndarray:
@@ -134,15 +130,12 @@ def _noise(calibration) -> float:
     return np.diff(calibration.radiance(np.array([300.0, 300.1]))).item()
 
 
-def _with_weather(seen: Target, weather: Target) -> Target:
-    bands = {
-        b: replace(band, background=weather.bands[b].background)
-        for b, band in seen.bands.items()
-    }
-    return replace(
-        seen,
-        bands=bands,
+def _with_weather(seen: Target, weather: Imagery) -> Target:
+    imagery = replace(
+        seen.imagery,
+        backgrounds=weather.backgrounds,
         fractions=weather.fractions,
         latitude_deg=weather.latitude_deg,
         longitude_deg=weather.longitude_deg,
     )
+    return replace(seen, imagery=imagery)

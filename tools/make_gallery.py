@@ -20,8 +20,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.patches import Rectangle
 
-from cloudjax import Camera, FixedGrid
-from cloudjax_scenes.sensor_band import nominal_bands
+from cloudjax import Camera, FixedGrid, nominal_bands
 from cloudjax_scenes.sensor_image import SensorImage, render_sensor
 from cloudjax_scenes.sensors import Sensor
 from cloudjax_scenes.weather_scene import World, open_world

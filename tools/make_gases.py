@@ -8,8 +8,9 @@ the project, for it needs a Fortran compiler: `apt install gfortran cmake`, then
 
 For each band the transmittance from 22 altitudes to space along 6 or 7 slants, averaged
 over the band's response with the light's spectrum, is fitted by
-`cloudjax.gases.optical_depth`. The errors are printed as a table for docs/air.md: of
-the transmittance, and in kelvin of a black body at the air's own temperature.
+`cloudjax.air.gases.optical_depth`. The errors are printed as a table for
+docs/theory/air.md: of the transmittance, and in kelvin of a black body at the air's own
+temperature.
 """
 
 import importlib

@@ -13,7 +13,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cloudjax_fit.scene_run import prepare
+from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_scenes.band_image import BandImage
 
 
@@ -22,12 +22,13 @@ SHADES = 48
 
 
 def main(folder: str, physical: str, paper: str, output: str) -> None:
-    run = prepare(folder, bands=BANDS)
+    inputs = read_inputs(folder, bands=BANDS)
     figure = Figure(figsize=(9.6, 6.6), layout="compressed")
     rows = figure.subplots(len(BANDS), 3)
     for row, number in zip(rows, BANDS, strict=True):
-        band = run.target.bands[number]
-        pictures = [("observed", run.observed[number])]
+        imagery = inputs.target.imagery
+        band, coefficients = imagery.bands[number], imagery.coefficients(number)
+        pictures = [("observed", inputs.observed[number])]
         for title, results in (("physical", physical), ("paper", paper)):
             numbers = json.loads((Path(results) / "fit.json").read_text())
             distance = numbers["bands"][str(number)]["w1_fit_over_std"]
@@ -35,7 +36,7 @@ def main(folder: str, physical: str, paper: str, output: str) -> None:
                 radiance = simulated[f"radiance_{band.name}"].to_numpy()
             pictures.append((f"{title}, W1/std {distance:.3f}", radiance))
         images = [
-            (title, BandImage(band, band.coefficients, np.asarray(radiance, float)))
+            (title, BandImage(band, coefficients, np.asarray(radiance, float)))
             for title, radiance in pictures
         ]
         low, high = np.nanpercentile(images[0][1].shown, [0.5, 99.5])

@@ -57,7 +57,7 @@ def main(gfs: Path, png: Path) -> None:
 def _coasts(panel) -> None:
     latitude, longitude = np.arange(-89.75, 90, 0.5), np.arange(-179.75, 180, 0.5)
     φ, λ = np.meshgrid(latitude, longitude, indexing="ij")
-    land = Surface().land_share(φ.ravel(), λ.ravel()).reshape(φ.shape)
+    land = Surface.of().land_at(φ.ravel(), λ.ravel()).reshape(φ.shape)
     panel.contour(longitude, latitude, land, [0.5], colors="tab:orange", linewidths=0.4)
 
 

@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cloudjax_fit.scene_run import prepare
+from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_scenes.band_image import BandImage
 
 
@@ -22,15 +22,15 @@ SHADES = 64
 def main(folder: str, results: str, output: str) -> None:
     numbers = json.loads((Path(results) / "fit.json").read_text())
     bands = numbers["scene"]["bands"]
-    run = prepare(folder, bands=bands)
+    inputs = read_inputs(folder, bands=bands)
     figure = Figure(figsize=(3 * len(bands), 7.6), layout="constrained")
     rows = figure.subplots(3, len(bands), height_ratios=(3, 3, 1.6))
     with xr.open_dataset(Path(results) / "simulated.nc") as simulated:
         weights = simulated["cloud_weight"].to_numpy().ravel()
         for column, number in enumerate(bands):
-            band = run.target.bands[number]
-            images = (run.observed[number], simulated[f"radiance_{band.name}"].data)
-            _draw_band(rows[:, column], band, images, weights)
+            band = inputs.target.imagery.bands[number]
+            images = (inputs.observed[number], simulated[f"radiance_{band.name}"].data)
+            _draw_band(rows[:, column], inputs.target, number, images, weights)
             fitted = numbers["bands"][str(number)]["w1_fit_over_std"]
             rows[2, column].set_title(f"W1/std {fitted:.3f}", fontsize=9)
     for row, name in zip(rows, ("observed", "simulated", "cloud pixels"), strict=True):
@@ -42,9 +42,12 @@ def main(folder: str, results: str, output: str) -> None:
     picture.quantize(SHADES).save(output, optimize=True)
 
 
-def _draw_band(axes, band, images, weights) -> None:
+def _draw_band(axes, target, number, images, weights) -> None:
+    imagery = target.imagery
+
     def of(radiance):
-        return BandImage(band, band.coefficients, np.asarray(radiance, float))
+        coefficients = imagery.coefficients(number)
+        return BandImage(imagery.bands[number], coefficients, np.asarray(radiance))
 
     values = [of(image) for image in images]
     low, high = np.nanpercentile(values[0].shown, [0.5, 99.5])
@@ -53,7 +56,7 @@ def _draw_band(axes, band, images, weights) -> None:
         ax.set(xticks=[], yticks=[])
     axes[0].set_title(values[0].title, fontsize=10)
     # The observed cloud pixels are known by their quantiles.
-    observed = of(band.quantiles.equal_weights()).shown
+    observed = of(target.statistics[number].quantiles.equal_weights()).shown
     simulated = values[1].shown.ravel()
     use = weights > 0
     first, last = np.percentile(observed, [0.1, 99.9])

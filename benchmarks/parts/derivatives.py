@@ -85,21 +85,23 @@ def load(mode: str, rays: int) -> dict[str, Callable]:
 
 def make_problem(rays: int):
     """The fit of the embedded scene with the parameters of the clouds' shapes."""
+
     from cloudjax_fit.embedded import embedded_target
-    from cloudjax_fit.fitted_scene import build_scene, scene_parameters
     from cloudjax_fit.objective import pose
+    from cloudjax_fit.scene_parameters import scene_parameters
+    from cloudjax_scenes import SceneFromImagery
 
     target = embedded_target()
-    scene = build_scene(target)
-    every = scene_parameters(scene, target)
+    made_of = SceneFromImagery(target.imagery)
+    every = scene_parameters(made_of)
     shapes = [
         p
         for p in every
-        if p.name.split(".")[0] in target.fractions
+        if p.name.split(".")[0] in target.imagery.fractions
         and not p.name.endswith("infrared_ratio")
     ]
     assert len(shapes) == COUNT
-    problem, _ = pose(target, scene, shapes, rays=rays, seed=0)
+    problem, _ = pose(target, made_of, made_of.build(), shapes, rays=rays, seed=0)
     return problem, shapes
 
 

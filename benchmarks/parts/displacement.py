@@ -9,13 +9,15 @@ from collections.abc import Callable
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from cloudjax.geometry.geodesy import MEAN_RADIUS_M
+
 from .sizes import Context
 from .text import table
 from .workers import Worker, in_turns, median_seconds
 
 
 HOURS = 20.0
-RADIUS_M = 6371e3 + 2000
+RADIUS_M = MEAN_RADIUS_M + 2000
 # Between the two maps, in the mean: float32 in one of them.
 SAME_M = 50.0
 

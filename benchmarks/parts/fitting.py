@@ -37,15 +37,17 @@ def run(context: Context) -> dict:
 
 
 def _pose(rays: int):
+
     from cloudjax_fit.embedded import embedded_target
-    from cloudjax_fit.fitted_scene import build_scene, scene_parameters
     from cloudjax_fit.objective import pose
     from cloudjax_fit.parameters import unbounded_of
+    from cloudjax_fit.scene_parameters import scene_parameters
+    from cloudjax_scenes import SceneFromImagery
 
     target = embedded_target()
-    scene = build_scene(target)
-    parameters = scene_parameters(scene, target)
-    problem, _ = pose(target, scene, parameters, rays=rays, seed=0)
+    made_of = SceneFromImagery(target.imagery)
+    parameters = scene_parameters(made_of)
+    problem, _ = pose(target, made_of, made_of.build(), parameters, rays=rays, seed=0)
     return problem, unbounded_of(parameters)
 
 

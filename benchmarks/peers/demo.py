@@ -7,7 +7,7 @@ import numpy as np
 from cloudjax import BandRadiances, Latent, MaskGrid, Rays, Scene, Weather
 from cloudjax_data import sun_direction
 from cloudjax_fit.embedded import embedded_target
-from cloudjax_fit.fitted_scene import background, build_scene, weather_of
+from cloudjax_scenes import SceneFromImagery
 
 from .ours import Sight
 from .problem import clouds_of
@@ -22,23 +22,23 @@ class Demo:
 
     def __init__(self, voxels: int):
         self.voxels = voxels
-        self._target = embedded_target()
+        self._made_of = SceneFromImagery(embedded_target().imagery)
 
     @property
     def count(self) -> int:
-        rows, columns = self._target.grid.shape
+        rows, columns = self._made_of.imagery.grid.shape
         return rows * columns
 
     @property
     def sun(self) -> np.ndarray:
-        return sun_direction(self._target.time)
+        return sun_direction(self._made_of.imagery.time)
 
     def rays(self) -> Rays:
-        return self._target.grid.rays()
+        return self._made_of.imagery.grid.rays()
 
     def sub_rays(self, pixels: np.ndarray, parts: int) -> Rays:
         """The parts² rays of each of these pixels, one pixel after the other."""
-        grid = self._target.grid
+        grid = self._made_of.imagery.grid
         a, b = (x.ravel() for x in np.divmod(np.arange(parts**2), parts))
         row, column = np.divmod(pixels, grid.shape[1])
         fine = dataclasses.replace(
@@ -49,10 +49,10 @@ class Demo:
         return fine.rays(rows * fine.shape[1] + columns)
 
     def behind(self, rays: Rays) -> BandRadiances:
-        return background(self._target, rays)
+        return self._made_of.background(rays)
 
     def weather(self) -> Weather:
-        return weather_of(self.scene(1, 1), self._target)
+        return self._made_of.weather()
 
     def sight(self) -> Sight:
         rays = self.rays()
@@ -65,7 +65,7 @@ class Demo:
         )
 
     def scene(self, steps: int, nodes: int) -> Scene:
-        scene = build_scene(self._target, steps=steps)
+        scene = dataclasses.replace(self._made_of, steps=steps).build()
         latent = Latent.gauss_hermite(nodes)
         layers = tuple(
             dataclasses.replace(

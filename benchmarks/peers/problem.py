@@ -33,7 +33,8 @@ LONGITUDE_DEG = 0.0
 # Over the south Atlantic: day in the west and in the middle, night in the east.
 SUN = up(np.array(-21.0), np.array(-30.0))
 INDIRECT = 0.3
-# Of the physical extinction, what the paper's slab calls extinction (docs/paper.md).
+# Of the physical extinction, what the paper's slab calls extinction
+# (docs/theory/paper.md).
 SHARE = (1 - 0.85) / 2
 
 

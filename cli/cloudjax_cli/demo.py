@@ -15,9 +15,9 @@ def demo(output, **options) -> int:
 
     The scene is GOES-17 off southern California, 2019-10-27 20:00 UTC, bands 1, 3, 13.
     """
+    from cloudjax_data.whole_files import require_writable
     from cloudjax_fit.embedded import embedded_target
     from cloudjax_fit.settings import Settings, with_options
-    from cloudjax_scenes.whole_files import require_writable
 
     from .fit_folder import fit_and_write
 

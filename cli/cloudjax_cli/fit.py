@@ -6,6 +6,7 @@ import click
 
 from .options import (
     bands_option,
+    classes_option,
     fit_options,
     ignore_weather_option,
     weather_mask_option,
@@ -17,18 +18,18 @@ from .options import (
 @bands_option
 @click.option("-o", "--output", required=True, metavar="DIR", help="For the results.")
 @fit_options
+@classes_option
 @ignore_weather_option
 @weather_mask_option
-def fit(scenes, bands, output, ignore_weather, weather_mask, **options) -> int:
+def fit(scenes, bands, output, classes, ignore_weather, weather_mask, **options) -> int:
     """Fit the clouds of a scene to its radiances.
 
     Writes fit.json, parameters.toml, simulated.nc and report.html to DIR; of several
     scenes, to one folder each within DIR.
     """
     from cloudjax_data import open_folder
-    from cloudjax_fit.scene_run import folder_settings, prepare
-    from cloudjax_fit.settings import overrides_for
-    from cloudjax_scenes.whole_files import require_writable
+    from cloudjax_data.whole_files import require_writable
+    from cloudjax_fit.fit_inputs import folder_settings, read_inputs
 
     from .fit_folder import fit_and_write
 
@@ -39,21 +40,23 @@ def fit(scenes, bands, output, ignore_weather, weather_mask, **options) -> int:
         folder_settings(open_folder(scene))
     codes = []
     for scene, folder in folders.items():
-        run = prepare(
+        inputs = read_inputs(
             scene,
             bands=bands,
             options=options,
+            classes=classes,
             ignore_weather=ignore_weather,
             weather_mask=weather_mask,
         )
         codes.append(
             fit_and_write(
-                run.target,
+                inputs.target,
                 folder,
-                run.settings.fit,
-                overrides=overrides_for(run.settings, run.target),
-                analysis=run.analysis,
-                observed=run.observed,
+                inputs.settings.fit,
+                overrides=inputs.overrides,
+                analysis=inputs.analysis,
+                classes=inputs.made_of.known,
+                observed=inputs.observed,
             )
         )
     return max(codes)

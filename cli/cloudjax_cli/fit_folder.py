@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from cloudjax import CloudClass
 from cloudjax_fit.fit_files import REPORT, Images, cloud_fractions, write_fit
 from cloudjax_fit.fitting import FitResult, FitSettings, fit
 from cloudjax_fit.targets import Target
@@ -24,15 +25,17 @@ def fit_and_write(
     *,
     overrides: Mapping[str, Mapping[str, Any]] | None = None,
     analysis: Analysis | None = None,
+    classes: Mapping[str, CloudClass] | None = None,
     observed: Images | None = None,
 ) -> int:
     """Fit a target, write the results, and return the exit code."""
-    with fit_progress(target.name, settings.max_steps) as on_step:
+    with fit_progress(target.imagery.name, settings.max_steps) as on_step:
         result = fit(
             target,
             settings=settings,
             overrides=overrides,
             analysis=analysis,
+            classes=classes,
             on_step=on_step,
         )
     write_fit(result, folder, observed)
@@ -42,7 +45,9 @@ def fit_and_write(
 
 def _summarise(result: FitResult, folder: Path) -> None:
     state = "converged" if result.converged else "NOT converged"
-    click.echo(f"{result.target.name}: {state} in {result.seconds['total']:.0f} s")
+    click.echo(
+        f"{result.target.imagery.name}: {state} in {result.seconds['total']:.0f} s"
+    )
     if not result.converged:
         click.echo(f"  {result.status}")
     for number, after in result.distances_fit.items():

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from cloudjax import Air
 from cloudjax.air.clear_air import LEAST_DEPTH
 from cloudjax.air.gases import scattering_depth, standard_depth
 from cloudjax_data import (
@@ -13,10 +14,10 @@ from cloudjax_data import (
     read_band,
     read_weather,
 )
-from cloudjax_fit.fitted_scene import LIGHTS
-from cloudjax_fit.scene_run import Run, prepare
-from cloudjax_fit.settings import scene_of
+from cloudjax_fit.fit_inputs import FitInputs, read_inputs
 from cloudjax_scenes.daylight import is_day, sun_heights_deg
+from cloudjax_scenes.imagery_scene import SceneFromImagery
+from cloudjax_scenes.lights import Light
 
 
 Row = tuple[str, str]
@@ -57,7 +58,7 @@ def run_rows(
 ) -> Iterator[Row]:
     """Which parts of the model a run would use, and why; or why it cannot be."""
     try:
-        run = prepare(
+        inputs = read_inputs(
             folder.path,
             bands=bands,
             options={"light": light},
@@ -66,45 +67,45 @@ def run_rows(
     except DataError as error:
         yield "no run", str(error)
         return
-    target = run.target
-    yield "bands", _listed(target.bands)
+    target, made_of = inputs.target, inputs.made_of
+    imagery = target.imagery
+    yield "bands", _listed(imagery.bands)
     yield (
         "cloud pixels",
-        f"{target.rule} ({target.cloud_fraction:.1%} of the good ones)",
+        f"{imagery.rule} ({target.cloud_fraction:.1%} of the good ones)",
     )
     sunlit, emissive = (
-        [b.number for b in bands] for bands in (target.sunlit, target.emissive)
+        [b.number for b in bands] for bands in (imagery.sunlit, imagery.emissive)
     )
-    chosen = run.settings.fit.light
-    yield "sunlight", _use(sunlit, "reflective band", f", {chosen} light")
+    chosen = made_of.light
+    yield "sunlight", _use(sunlit, "reflective band", f", {chosen.name} light")
     yield "emission", _use(emissive, "thermal band")
     if emissive:
         yield "thermal scattering", _thermal_scattering(chosen)
     yield "shadows", "left out: renders have them, fits none"
-    yield from _layer_rows(run)
-    yield "advection", _advection(run)
+    yield from _layer_rows(inputs)
+    yield "advection", _advection(made_of)
     yield "surface", "radiances of the clear pixels around, as seen from space"
     profile = (
-        f"the mean profile of {run.analysis.cube.path.name}"
-        if run.analysis
+        f"the mean profile of {inputs.analysis.cube.path.name}"
+        if inputs.analysis
         else "the standard atmosphere"
     )
     yield "temperature", profile
-    yield from _air_rows(run, profile)
+    yield from _air_rows(made_of, profile)
 
 
-def _air_rows(run: Run, profile: str) -> Iterator[Row]:
-    light = run.settings.fit.light
-    scene, _ = scene_of(run.settings, run.target, run.analysis)
-    air = scene.air
-    if air is None:
+def _air_rows(made_of: SceneFromImagery, profile: str) -> Iterator[Row]:
+    if not made_of.light.air:
         yield (
             "air",
-            f"left out: a path and a gain of each band stand for it in {light} light",
+            "left out: a path and a gain of each band stand for it in "
+            f"{made_of.light.name} light",
         )
         return
     yield "air", f"above each cloud, with the humidity of {profile}"
-    bands = tuple(run.target.bands)
+    bands = tuple(made_of.imagery.bands)
+    air = Air.of_bands(bands)
     parts = (
         ("Rayleigh", air.scattered, scattering_depth(bands)),
         ("gases", air.absorbed, standard_depth(bands)),
@@ -120,20 +121,33 @@ def _part(kind: str, used: bool, depth: float) -> str:
     return f"{kind} left out ({depth:.4f} is less than {LEAST_DEPTH:g})"
 
 
-def _layer_rows(run: Run) -> Iterator[Row]:
-    target = run.target
-    for name, fraction in target.fractions.items():
+def _layer_rows(inputs: FitInputs) -> Iterator[Row]:
+    made_of = inputs.made_of
+    fractions = made_of.imagery.fractions
+    for name, fraction in fractions.items():
         yield f"layer {name}", f"covers {fraction.mean():.1%} of the area"
-    if "cirrus" not in target.fractions:
-        yield "layer cirrus", "left out: no window band tells high cloud from low"
+    for name, one in made_of.available.items():
+        if name in fractions:
+            continue
+        rule = one.imagery
+        if rule is None:
+            why = "its class has no rule in imagery"
+        elif made_of.imagery.rule.cold_band is None and rule.colder_than_standard_at_m:
+            why = "no window band tells high cloud from low"
+        else:
+            why = "no cloud pixel is of its class"
+        yield f"layer {name}", f"left out: {why}"
 
 
-def _advection(run: Run) -> str:
-    if run.analysis is None:
+def _advection(made_of: SceneFromImagery) -> str:
+    analysis = made_of.analysis
+    if analysis is None:
         return "left out: no weather file gives winds"
-    if not run.analysis.cube.is_global:
+    if not analysis.cube.is_global:
         return "left out: the winds of a regional analysis do not reach far enough"
-    return f"{run.analysis.hours:g} hours of the winds in {run.analysis.cube.path.name}"
+    every = {t.displacement_hours for one in made_of.classes for t in one.textures}
+    hours = ", ".join(f"{hours:g}" for hours in sorted(every))
+    return f"{hours} hours of the winds in {analysis.cube.path.name}"
 
 
 def _sun(band: AbiBand) -> str:
@@ -174,10 +188,10 @@ def _weather_rows(folder: SceneFolder, band: AbiBand | None) -> Iterator[Row]:
         yield "weather", f"{text}, {hours:+.1f} hours from the imagery: {verdict}"
 
 
-def _thermal_scattering(light: str) -> str:
-    if LIGHTS[light].emission() is None:
-        return f"left out: clouds only absorb in {light} light"
-    return f"by slabs of the particles, in {light} light"
+def _thermal_scattering(light: Light) -> str:
+    if light.emission is None:
+        return f"left out: clouds only absorb in {light.name} light"
+    return f"by slabs of the particles, in {light.name} light"
 
 
 def _use(numbers: Sequence[int], kind: str, how: str = "") -> str:

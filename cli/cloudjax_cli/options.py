@@ -43,6 +43,10 @@ weather_mask_option = click.option(
     help="Take where clouds are from the weather file, not from the imagery.",
 )
 
+classes_option = click.option(
+    "--classes", metavar="TOML", help="Classes of cloud, in place of the built-in ones."
+)
+
 light_option = click.option("--light", help="physical or paper.  [default: paper]")
 
 # Checked with those of scene.toml, by the same rules.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from .options import bands_option, ignore_weather_option
+from .options import bands_option, classes_option, ignore_weather_option
 
 
 class Place(click.ParamType):
@@ -22,7 +22,7 @@ class Place(click.ParamType):
 
 
 _OF_SCENES = ("parameters", "ignore_weather")
-_OF_SENSORS = ("time", "classes", "longitude", "centre")
+_OF_SENSORS = ("time", "longitude", "centre")
 _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 
 
@@ -67,7 +67,7 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
     default=30.0,
     help="Sensor: between frames.",
 )
-@click.option("--classes", metavar="TOML", help="Sensor: of cloud.")
+@classes_option
 @click.option("--longitude", type=float, help="Sensor: of an ABI's satellite.")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
 def render(target, output, bands, weather, **options) -> None:
@@ -93,7 +93,7 @@ def render(target, output, bands, weather, **options) -> None:
 
 
 def _writable(output: str) -> Path:
-    from cloudjax_scenes.whole_files import require_writable
+    from cloudjax_data.whole_files import require_writable
 
     path = Path(output)
     if path.suffix != ".nc":
@@ -112,24 +112,28 @@ def _refuse(names, options, because: str) -> None:
 
 
 def _render_scene(scene: str, path: Path, bands, options) -> None:
-    from cloudjax_fit.run_image import render_run
-    from cloudjax_fit.scene_run import prepare
+    from cloudjax_fit.fit_inputs import read_inputs
+    from cloudjax_fit.fitted_image import fitted_image
+    from cloudjax_fit.parameter_file import read_parameters
     from cloudjax_scenes.band_image import chosen_quantities
     from cloudjax_scenes.image_file import write_image_and_picture
 
-    run = prepare(
+    file, shadows = options["parameters"], options["shadows"]
+    inputs = read_inputs(
         scene,
         bands=bands,
         options={
             name: options[name] for name in ("steps", "resolution", "seed", "light")
         },
+        classes=options["classes"],
+        fitted=None if file is None else read_parameters(file),
         ignore_weather=options["ignore_weather"],
     )
-    quantities = chosen_quantities(options["quantities"], run.target.bands.values())
-    seed, shadows = run.settings.fit.seed, options["shadows"]
-    image, values = render_run(run, options["parameters"], shadows=shadows)
+    imagery, seed = inputs.target.imagery, inputs.settings.fit.seed
+    quantities = chosen_quantities(options["quantities"], imagery.bands.values())
+    image, values = fitted_image(inputs, shadows=shadows)
     write_image_and_picture(
-        path, image, run.target, values, seed, quantities, shadows=shadows
+        path, image, imagery, values, seed, quantities, shadows=shadows
     )
     click.echo(f"{path} and {path.with_suffix('.png')}")
 

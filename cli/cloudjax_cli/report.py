@@ -20,9 +20,9 @@ def report(a, b, output) -> None:
     """
     import importlib.metadata
 
+    from cloudjax_data.whole_files import require_writable, staged
     from cloudjax_fit.comparison import compare, read_radiances
     from cloudjax_fit.report import write_comparison
-    from cloudjax_scenes.whole_files import require_writable, staged
 
     folder = Path(output)
     require_writable(folder)

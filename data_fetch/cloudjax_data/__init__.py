@@ -1,4 +1,4 @@
-"""GOES and GFS files, read into typed scenes. Needs no jax."""
+"""This package reads and fetches GOES and GFS files; it needs no jax."""
 
 from .abi import AbiBand as AbiBand
 from .abi import read_band as read_band
@@ -20,7 +20,7 @@ from .fetch_item import FetchItem as FetchItem
 from .fetch_scene import ScenePlan as ScenePlan
 from .fetch_scene import plan_scene as plan_scene
 from .fixed_grid import GRID_MAPPING as GRID_MAPPING
-from .fixed_grid import FixedGrid as FixedGrid
+from .fixed_grid import cf_attributes as cf_attributes
 from .fixed_grid import fixed_grid_coordinates as fixed_grid_coordinates
 from .humidity import specific_humidity as specific_humidity
 from .lambert import LambertConic as LambertConic

@@ -1,4 +1,4 @@
-"""One band of one scan, from an ABI L1b, CMI or multi-band CMI file."""
+"""One band of one scan is read from an ABI L1b, CMI or multi-band CMI file."""
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -10,10 +10,13 @@ import netCDF4
 import numpy as np
 from jaxtyping import Bool, Float32
 
+from cloudjax.geometry.fixed_grid import FixedGrid
+from cloudjax.geometry.geodesy import Ellipsoid
+
 from .abi_name import parse_abi_name
 from .calibration import Calibration, EmissiveCalibration, ReflectiveCalibration
 from .errors import DataError
-from .fixed_grid import GRID_MAPPING, FixedGrid
+from .fixed_grid import GRID_MAPPING
 from .image_part import Box, ImagePart, block_means, image_part
 from .packed import attribute, counts, netcdf_file, scalar, scale_and_offset, variable
 
@@ -25,7 +28,7 @@ GOOD, CONDITIONALLY_USABLE = 0, 1
 
 @dataclass(frozen=True, eq=False)
 class AbiBand:
-    """The radiances of one band.
+    """An `AbiBand` holds the radiances of one band.
 
     **Fields:**
 
@@ -57,12 +60,12 @@ class AbiBand:
 
     @property
     def units(self) -> str:
-        """Units of the radiance; they differ between bands 6 and 7."""
+        """Give the units of the radiance; they differ between bands 6 and 7."""
         return self.calibration.units
 
     @property
     def time(self) -> datetime:
-        """The middle of the scan."""
+        """Give the middle of the scan."""
         return self.start + (self.end - self.start) / 2
 
 
@@ -204,8 +207,10 @@ def _fixed_grid(file: netCDF4.Dataset) -> FixedGrid:
             attribute(projection, "longitude_of_projection_origin")
         ),
         perspective_height_m=float(attribute(projection, "perspective_point_height")),
-        semi_major_axis_m=float(attribute(projection, "semi_major_axis")),
-        semi_minor_axis_m=float(attribute(projection, "semi_minor_axis")),
+        ellipsoid=Ellipsoid(
+            float(attribute(projection, "semi_major_axis")),
+            float(attribute(projection, "semi_minor_axis")),
+        ),
         sweep=cast(Literal["x", "y"], sweep),
     )
 

@@ -1,4 +1,4 @@
-"""What the name of an ABI file says (PUG volume 3, appendix A)."""
+"""The name of an ABI file says which scan it holds (PUG volume 3, appendix A)."""
 
 import re
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _PATTERN = re.compile(
 
 @dataclass(frozen=True)
 class AbiName:
-    """The parts of a file name that tell which scan and which product a file holds.
+    """An `AbiName` has the parts of a file name that tell scan and product apart.
 
     **Fields:**
 
@@ -33,7 +33,7 @@ class AbiName:
 
 
 def parse_abi_name(name: str) -> AbiName | None:
-    """The parts of a name such as `OR_ABI-L1b-RadM1-M6C03_G17_s2019300...`.
+    """Return the parts of a name such as `OR_ABI-L1b-RadM1-M6C03_G17_s2019300...`.
 
     Whatever follows the start time may have been changed. None if the name is not that
     of an ABI product.

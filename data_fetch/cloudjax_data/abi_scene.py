@@ -1,4 +1,4 @@
-"""The bands of one scan, together."""
+"""The bands of one scan belong together."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -7,10 +7,12 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import xarray as xr
 
+from cloudjax.geometry.fixed_grid import FixedGrid
+
 from .abi import AbiBand
 from .calibration import ReflectiveCalibration
 from .errors import DataError
-from .fixed_grid import GRID_MAPPING, FixedGrid, fixed_grid_coordinates
+from .fixed_grid import GRID_MAPPING, fixed_grid_coordinates
 
 
 # Bands of one scan start within a second of each other; the fastest repeat of a
@@ -20,7 +22,7 @@ SAME_SCAN = timedelta(seconds=10)
 
 @dataclass(frozen=True, eq=False)
 class AbiScene:
-    """What one satellite saw in one scan.
+    """An `AbiScene` is what one satellite saw in one scan.
 
     **Fields:**
 
@@ -39,32 +41,32 @@ class AbiScene:
 
     @property
     def platform(self) -> str:
-        """The satellite: "G16" ..."""
+        """Name the satellite: "G16" ..."""
         return self._any.platform
 
     @property
     def sector(self) -> str:
-        """ "F", "C", "M1" or "M2"."""
+        """Name the sector: "F", "C", "M1" or "M2"."""
         return self._any.sector
 
     @property
     def start(self) -> datetime:
-        """When the first band started."""
+        """Give the time at which the first band started."""
         return min(band.start for band in self.bands.values())
 
     @property
     def end(self) -> datetime:
-        """When the last band ended."""
+        """Give the time at which the last band ended."""
         return max(band.end for band in self.bands.values())
 
     @property
     def time(self) -> datetime:
-        """The middle of the scan, in UTC."""
+        """Give the middle of the scan, in UTC."""
         return self.start + (self.end - self.start) / 2
 
     @property
     def grid(self) -> FixedGrid:
-        """The grid that all bands share.
+        """Give the grid that all bands share.
 
         Raises `DataError` if they do not: call `on_common_grid` first.
         """
@@ -77,10 +79,11 @@ class AbiScene:
         )
 
     def on_common_grid(self, bands: Iterable[int] | None = None) -> "AbiScene":
-        """The bands averaged, in radiance, onto the coarsest of their grids.
+        """Average the bands, in radiance, onto the coarsest of their grids.
 
         A block is good only if all of its pixels are. Raises `DataError` if a band is
-        absent or if the grids do not nest within `SAME_CENTRE_RAD`.
+        absent or if the grids do not nest within `SAME_CENTRE_RAD` of
+        `cloudjax.geometry.fixed_grid`.
         """
         wanted = sorted(self.bands if bands is None else set(bands))
         absent = [number for number in wanted if number not in self.bands]
@@ -99,7 +102,7 @@ class AbiScene:
 
 
 def to_dataset(scene: AbiScene) -> xr.Dataset:
-    """A CF-1.8 Dataset with `radiance_C01` ... on `(y, x)`, for bands of one grid.
+    """Make a CF-1.8 Dataset with `radiance_C01` ... on `(y, x)`, for bands of one grid.
 
     NaN where not good. Raises `DataError` if the bands differ in resolution.
     """
@@ -164,7 +167,7 @@ def _require_same_scan(a: AbiBand, b: AbiBand) -> None:
     same = (
         (a.platform, a.sector) == (b.platform, b.sector)
         and abs(a.start - b.start) < SAME_SCAN
-        and a.grid.cf_attributes() == b.grid.cf_attributes()
+        and a.grid.same_projection_as(b.grid)
     )
     if not same:
         raise DataError(

@@ -1,4 +1,4 @@
-"""The names and the layout of NOAA's public buckets (docs/fetch.md has the sources).
+"""NOAA's public buckets have names and a layout (docs/guides/fetch.md has the sources).
 
 What a server lists is parsed here, whole, before any of it is used: the patterns admit
 nothing that could lead out of a folder.
@@ -31,7 +31,7 @@ _GOES_KEY = re.compile(
 
 @dataclass(frozen=True)
 class Sector:
-    """A part of the Earth that ABI scans.
+    """A `Sector` is a part of the Earth that ABI scans.
 
     **Fields:** `folder`: the letter that ends the names of products; both mesoscale
     sectors share one. `code`: what `AbiName.sector` says.
@@ -51,7 +51,7 @@ SECTORS = {
 
 @dataclass(frozen=True)
 class GoesKey:
-    """The key of an ABI file, taken apart.
+    """A `GoesKey` is the key of an ABI file, taken apart.
 
     **Fields:** `key`; `name` of the file; `abi`, what the name says; `end` of the scan.
     """
@@ -63,17 +63,17 @@ class GoesKey:
 
 
 def goes_bucket(satellite: str) -> str:
-    """The bucket of "goes16" ..."""
+    """Return the bucket of "goes16" ..."""
     return f"noaa-{satellite}"
 
 
 def goes_folder(product: str, sector: Sector, hour: datetime) -> str:
-    """Where the scans of a product lie that began in an hour (UTC)."""
+    """Return the folder of the scans of a product that began in an hour (UTC)."""
     return f"ABI-{product}{sector.folder}/{hour:%Y/%j/%H}"
 
 
 def parse_goes_key(key: str) -> GoesKey | None:
-    """The parts of a key; None unless all of it is as NOAA writes them."""
+    """Return the parts of a key, or None unless all of it is as NOAA writes them."""
     match = _GOES_KEY.fullmatch(key)
     abi = parse_abi_name(match["name"]) if match else None
     if match is None or abi is None:
@@ -87,7 +87,9 @@ def parse_goes_key(key: str) -> GoesKey | None:
 
 
 def gfs_key(cycle: datetime, lead_hours: int, grid: str) -> str:
-    """Where the fields of one cycle (UTC) and lead time lie; the index adds `.idx`."""
+    """Return the key of the fields of one cycle (UTC) and lead time; the index adds
+    `.idx`.
+    """
     folder = f"gfs.{cycle:%Y%m%d/%H}"
     if cycle >= _ATMOS_SINCE:
         folder += "/atmos"
@@ -95,5 +97,7 @@ def gfs_key(cycle: datetime, lead_hours: int, grid: str) -> str:
 
 
 def gfs_file_name(cycle: datetime, lead_hours: int, grid: str) -> str:
-    """Under which name the messages of one file are kept: NOAA's lacks the date."""
+    """Return the name under which the messages of one file are kept; NOAA's lacks the
+    date.
+    """
     return f"gfs.{cycle:%Y%m%d}.t{cycle:%H}z.pgrb2.{grid}.f{lead_hours:03d}.grib2"

@@ -1,9 +1,13 @@
-"""Radiance to reflectance or brightness temperature, and back, as the file says."""
+"""Radiance is turned into reflectance or brightness temperature and back, as the file
+says.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+
+from cloudjax.light import planck
 
 
 # CODATA 2018, in the units of the ABI coefficients: fk1 = c1 nu^3, fk2 = c2 nu with
@@ -22,7 +26,7 @@ _FK2_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class ReflectiveCalibration:
-    """Bands 1 to 6: radiance in W m-2 sr-1 um-1.
+    """Bands 1 to 6 have radiance in W m-2 sr-1 um-1.
 
     **Fields:**
 
@@ -38,13 +42,14 @@ class ReflectiveCalibration:
 
     @property
     def units(self) -> str:
-        """Units of the radiance."""
+        """Give the units of the radiance."""
         return WAVELENGTH_UNITS
 
     def reflectance(
         self, radiance: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """Reflectance factor, 0 to 1 and not divided by the cosine of the solar zenith.
+        """Return the reflectance factor, 0 to 1 and not divided by the cosine of the
+        solar zenith angle.
 
         Negative where the radiance is: detector noise about zero is kept.
         """
@@ -53,11 +58,11 @@ class ReflectiveCalibration:
     def radiance(
         self, reflectance: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """The inverse of `reflectance`."""
+        """Invert `reflectance`."""
         return reflectance / self.reflectance_per_radiance
 
     def inconsistency(self) -> str | None:
-        """What is wrong with the coefficients, or None if they agree."""
+        """Say what is wrong with the coefficients, or return None if they agree."""
         d, esun = self.earth_sun_distance_au, self.solar_irradiance_w_m2_um
         ratio = self.reflectance_per_radiance * esun / (np.pi * d**2)
         if abs(ratio - 1) <= _KAPPA0_TOLERANCE:
@@ -67,7 +72,7 @@ class ReflectiveCalibration:
 
 @dataclass(frozen=True)
 class EmissiveCalibration:
-    """Bands 7 to 16: radiance in mW m-2 sr-1 (cm-1)-1.
+    """Bands 7 to 16 have radiance in mW m-2 sr-1 (cm-1)-1.
 
     **Fields:**
 
@@ -84,29 +89,33 @@ class EmissiveCalibration:
 
     @property
     def units(self) -> str:
-        """Units of the radiance."""
+        """Give the units of the radiance."""
         return WAVENUMBER_UNITS
 
     def brightness_temperature_k(
         self, radiance: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """Brightness temperature; NaN only where the radiance is NaN.
+        """Return the brightness temperature [K]; it is NaN only where the radiance is
+        NaN.
 
         Negative radiances are noise of cold scenes and have no temperature: they get
         that of the smallest positive count (197.5 K in band 7).
         """
         positive = np.maximum(radiance, self.smallest_positive_radiance)
-        return (self.fk2 / np.log1p(self.fk1 / positive) - self.bc1) / self.bc2
+        return planck.brightness_temperature_k(*self._planck, positive)
 
     def radiance(
         self, brightness_temperature_k: Float[np.ndarray, "*pixels"]
     ) -> Float[np.ndarray, "*pixels"]:
-        """The inverse of `brightness_temperature_k`, for temperatures above 50 K."""
-        effective = self.bc1 + self.bc2 * brightness_temperature_k
-        return self.fk1 / np.expm1(self.fk2 / effective)
+        """Invert `brightness_temperature_k`; the result is always finite."""
+        return planck.radiance(*self._planck, brightness_temperature_k)
+
+    @property
+    def _planck(self) -> tuple[float, float, float, float]:
+        return self.fk1, self.fk2, self.bc1, self.bc2
 
     def inconsistency(self) -> str | None:
-        """What is wrong with the coefficients, or None if they agree."""
+        """Say what is wrong with the coefficients, or return None if they agree."""
         wavenumber = np.cbrt(self.fk1 / FIRST_RADIATION_CONSTANT)
         ratio = self.fk2 / (SECOND_RADIATION_CONSTANT_CM_K * wavenumber)
         if abs(ratio - 1) <= _FK2_TOLERANCE:

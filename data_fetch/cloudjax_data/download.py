@@ -1,4 +1,4 @@
-"""Files brought from a bucket into a folder, whole or not at all.
+"""Files come from a bucket into a folder, whole or not at all.
 
 Each grows in the subfolder `.partial` under a lock, goes on from where an earlier run
 or a broken connection left it, is checked, and then takes its name in the folder.
@@ -21,6 +21,7 @@ from .fetch_item import FetchItem
 from .file_lock import PARTIAL, locked
 from .manifest import Checksums, checksums, read_manifest, record
 from .object_store import Bucket, Link, Retry, is_final, reason
+from .whole_files import whole
 
 
 _FULL = {errno.ENOSPC, errno.EDQUOT}
@@ -31,21 +32,23 @@ _OPENING = threading.Lock()
 
 
 class Progress:
-    """What is told while files come in, from several threads. Does nothing."""
+    """A `Progress` is told, from several threads, how files come in; this one does
+    nothing.
+    """
 
     def starts(self, files: int, size: int) -> None:
-        """So many files of so many bytes together."""
+        """Hear that so many files of so many bytes together are to come."""
 
     def advances(self, size: int) -> None:
-        """So many bytes more; fewer, below 0, when a file starts over."""
+        """Hear of so many bytes more; fewer, below 0, when a file starts over."""
 
     def is_whole(self, name: str, size: int, *, fetched: bool) -> None:
-        """A file is in its place, fetched now or before."""
+        """Hear that a file is in its place, fetched now or before."""
 
 
 @dataclass(frozen=True)
 class Fetched:
-    """What a fetch did.
+    """A `Fetched` says what a fetch did.
 
     **Fields:** `paths`, of all files; `transferred`, bytes that came over the link.
     """
@@ -277,14 +280,13 @@ def _wrong(item: FetchItem, path: Path, sums: Checksums) -> str | None:
 
 def _place(source: Path, target: Path) -> None:
     """The same file in another folder: linked, or else copied."""
-    with locked(target.parent, target.name):
-        aside = target.with_name(PARTIAL) / f"{target.name}.copy"
+    aside = target.with_name(PARTIAL) / f"{target.name}.copy"
+    with locked(target.parent, target.name), whole(target, aside):
         aside.unlink(missing_ok=True)
         try:
             os.link(source, aside)
         except OSError:
             shutil.copyfile(source, aside)
-        os.replace(aside, target)
 
 
 def _remove_parts(folder: Path, name: str) -> None:

@@ -1,4 +1,4 @@
-"""From a time to the GFS fields around it, by the byte."""
+"""A time leads to the GFS fields around it, by the byte."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _LARGEST_INDEX = 2**20
 
 @dataclass(frozen=True)
 class GfsPlan:
-    """The fields around a time.
+    """A `GfsPlan` names the fields around a time.
 
     **Fields:** `items`; `notes`, sentences on what could not be had.
     """
@@ -69,7 +69,7 @@ def plan_gfs(
 
 
 def bracket(time: datetime) -> tuple[datetime, ...]:
-    """The multiples of `STEP_HOURS` before and after a time; one if it is one."""
+    """Return the multiples of `STEP_HOURS` round a time, or the time if it is one."""
     hour = time.replace(minute=0, second=0, microsecond=0)
     before = hour - timedelta(hours=hour.hour % STEP_HOURS)
     if before == time:

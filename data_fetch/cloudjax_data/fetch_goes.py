@@ -1,4 +1,4 @@
-"""From a time and a sector to the ABI files of one scan."""
+"""A time and a sector lead to the ABI files of one scan."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ WITHIN = timedelta(minutes=15)
 
 @dataclass(frozen=True)
 class GoesRequest:
-    """Which scan, and which of its files.
+    """A `GoesRequest` says which scan is wanted, and which of its files.
 
     **Fields:**
 
@@ -47,7 +47,7 @@ class GoesRequest:
 
 @dataclass(frozen=True)
 class GoesPlan:
-    """The files of a scan.
+    """A `GoesPlan` names the files of a scan.
 
     **Fields:** `items`; `start` and `end` of the scan (UTC); `notes`, sentences on
     what could not be had and is not essential.

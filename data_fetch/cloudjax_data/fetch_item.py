@@ -1,4 +1,4 @@
-"""One file to be fetched: from where, under which name, and how to tell it is whole."""
+"""Each file to be fetched has an origin, a name, and a way to tell that it is whole."""
 
 import hashlib
 import re
@@ -24,7 +24,7 @@ _SECTION_0 = 16
 
 @dataclass(frozen=True)
 class FetchItem(ABC):
-    """A file to be fetched.
+    """A `FetchItem` is a file to be fetched.
 
     **Fields:**
 
@@ -50,33 +50,39 @@ class FetchItem(ABC):
     @property
     @abstractmethod
     def ranges(self) -> tuple[tuple[int, int], ...]:
-        """The bytes to fetch, each range from its first to before its last."""
+        """Give the bytes to fetch, each range from its first to before its last."""
 
     @property
     def size(self) -> int:
-        """Bytes to fetch, and of the file."""
+        """Count the bytes to fetch, and so those of the file."""
         return sum(end - start for start, end in self.ranges)
 
     @property
     def identity(self) -> str:
-        """Differs where a part of one file must not be continued as another."""
+        """Give a text that differs where a part of one file must not be continued as
+        another.
+        """
         parts = repr((self.bucket, self.key, self.etag, self.ranges))
         return hashlib.sha256(parts.encode()).hexdigest()[:12]
 
     @property
     def md5(self) -> str | None:
-        """The checksum of the file where the tag is one: not of multipart uploads."""
+        """Give the checksum of the file where the tag is one; tags of multipart uploads
+        are not.
+        """
         match = _MD5.fullmatch(self.etag or "")
         return match["md5"] if match else None
 
     @abstractmethod
     def check(self, path: Path) -> None:
-        """Open the file. Raises `DataError` or `ValueError` if it is not what it is."""
+        """Open the file, and raise `DataError` or `ValueError` if it is not what it
+        should be.
+        """
 
 
 @dataclass(frozen=True)
 class AbiItem(FetchItem):
-    """A whole ABI file."""
+    """An `AbiItem` is a whole ABI file."""
 
     @property
     def ranges(self) -> tuple[tuple[int, int], ...]:
@@ -93,7 +99,7 @@ class AbiItem(FetchItem):
 
 @dataclass(frozen=True)
 class GribItem(FetchItem):
-    """Messages of a GRIB file, joined."""
+    """A `GribItem` joins messages of a GRIB file."""
 
     messages: tuple[Message, ...]
 

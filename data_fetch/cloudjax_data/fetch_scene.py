@@ -1,4 +1,4 @@
-"""From a date to a scene folder: the imagery of a scan and the weather around it."""
+"""A date leads to a scene folder: the imagery of a scan and the weather around it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,9 @@ from .object_store import Link
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """The files of a scene folder; `notes` are sentences on what was left out."""
+    """A `ScenePlan` names the files of a scene folder; `notes` are sentences on what
+    was left out.
+    """
 
     items: tuple[FetchItem, ...]
     notes: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""A file of a folder for one process at a time, however the others end."""
+"""A file of a folder belongs to one process at a time, however the others end."""
 
 import contextlib
 import os

@@ -1,9 +1,9 @@
-"""Which bytes of a GFS file hold which message, by the index beside it.
+"""The index beside a GFS file says which bytes hold which message.
 
 An index has a line for each message, such as
 `461:334588216:d=2025080100:HGT:850 mb:anl:`: number, first byte, start of the cycle,
 parameter, level, forecast. A message ends where the next one begins, and the last one
-at the end of the file (docs/fetch.md).
+at the end of the file (docs/guides/fetch.md).
 """
 
 import re
@@ -49,7 +49,7 @@ _PRESSURE = re.compile(r"([0-9]{1,4}(?:\.[0-9]+)?) mb")
 
 @dataclass(frozen=True)
 class Message:
-    """A GRIB message of a file.
+    """A `Message` is a GRIB message of a file.
 
     **Fields:** `level_type`, `name` and `level` as eccodes has them (hPa on pressure
     levels); `start` and `end`, the first byte and the one after the last.
@@ -65,7 +65,7 @@ class Message:
 def needed_messages(
     index: str, file_size: int, cycle: datetime, lead_hours: int
 ) -> tuple[Message, ...]:
-    """The messages that the reader uses, in the order of the file.
+    """Return the messages that the reader uses, in the order of the file.
 
     **Arguments:**
 
@@ -98,7 +98,7 @@ def needed_messages(
 
 
 def joined_ranges(messages: Iterable[Message]) -> tuple[tuple[int, int], ...]:
-    """The byte ranges that hold the messages, neighbours in one.
+    """Return the byte ranges that hold the messages, neighbours in one.
 
     Fields that share a message, as winds do in older files, are counted once.
     """

@@ -1,4 +1,4 @@
-"""One variable of a GRIB file at a time.
+"""GRIB files are read one variable at a time.
 
 A GFS file opened whole fails on its many kinds of level, or loses variables without a
 word; one variable filtered by level type and short name does neither.
@@ -21,7 +21,7 @@ _ONE_ANALYSIS = ("time", "step", "valid_time", "number")
 def read_grib(
     path: Path, wanted: Collection[tuple[str, str]]
 ) -> dict[tuple[str, str], xr.DataArray]:
-    """The variables, by type of level and GRIB short name, that the file has.
+    """Read the variables that the file has, by type of level and GRIB short name.
 
     **Raises:** `DataError` if the file is absent, not GRIB, corrupt, or holds a
     variable for several times or ensemble members.

@@ -1,4 +1,4 @@
-"""Water vapour from the humidity that analyses give."""
+"""Water vapour follows from the humidity that analyses give."""
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,8 @@ _ICE_K, _WATER_K = 250.16, 273.16
 def saturation_hpa(
     temperature_k: Float[np.ndarray, "*n"],
 ) -> Float[np.ndarray, "*n"]:
-    """Saturation pressure of vapour over water, over ice in the cold.
+    """Return the saturation pressure of vapour [hPa], over water or, in the cold, over
+    ice.
 
     Alduchov & Eskridge (1996, J. Appl. Meteorol. 35, 601, eqs. 21 and 23), mixed by the
     square of the temperature in between (IFS documentation Cy47r3, part IV, eq. 7.93).
@@ -30,7 +31,7 @@ def specific_humidity(
     temperature_k: Float[np.ndarray, "*n"],
     pressure_hpa: Float[np.ndarray, "*#n"],
 ) -> Float[np.ndarray, "*n"]:
-    """Mass of vapour over that of moist air, q = ε e/(p - (1 - ε) e).
+    """Return the mass of vapour over that of moist air, q = ε e/(p - (1 - ε) e).
 
     Humidities outside of 0 to 100 % are brought back; NaN stays.
     """

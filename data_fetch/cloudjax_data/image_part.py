@@ -1,4 +1,4 @@
-"""A part of an image that is larger than memory: a window, averaged over blocks.
+"""An image that is larger than memory is read in parts: a window, averaged over blocks.
 
 It is read tile by tile, along the chunks in which the file is compressed, so that each
 chunk is unpacked once.
@@ -25,7 +25,7 @@ _LONGEST_UNIT = 2048
 
 @dataclass(frozen=True)
 class ImagePart:
-    """Some rows and columns of an image, in blocks.
+    """An `ImagePart` is some rows and columns of an image, in blocks.
 
     **Fields:** `rows`, `columns`, with start and stop; `block`, the side of the blocks,
     which starts and stops are multiples of.
@@ -37,14 +37,15 @@ class ImagePart:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of blocks."""
+        """Count the rows and columns of blocks."""
         return (
             (self.rows.stop - self.rows.start) // self.block,
             (self.columns.stop - self.columns.start) // self.block,
         )
 
     def tiles(self, chunks: Sequence[int]) -> Iterator[tuple[Box, Box]]:
-        """Pixels of the image to read, and the blocks of the part that they make.
+        """Yield the pixels of the image to read, and the blocks of the part that they
+        make.
 
         `chunks` has the rows and columns of a chunk of the file.
         """
@@ -66,7 +67,7 @@ class ImagePart:
 def image_part(
     path: Path, shape: tuple[int, int], window: Box | None, block: int
 ) -> ImagePart:
-    """The part of an image of that shape that somebody asked for.
+    """Return the part of an image of that shape that somebody asked for.
 
     **Raises:** `DataError` if the window is not in the image, or blocks do not fill it.
     """
@@ -82,7 +83,9 @@ def image_part(
 def block_means(
     values: Float32[np.ndarray, "y x"], good: Bool[np.ndarray, "y x"], block: int
 ) -> tuple[Float32[np.ndarray, "Y X"], Bool[np.ndarray, "Y X"]]:
-    """Means over blocks, NaN where one pixel is not good, and where all are."""
+    """Return means over blocks, NaN where one pixel is not good, and where all are
+    good.
+    """
     rows, columns = (size // block for size in values.shape)
     if block == 1:
         return np.where(good, values, np.float32(np.nan)), good

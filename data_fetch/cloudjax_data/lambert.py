@@ -1,4 +1,4 @@
-"""The Lambert conformal conic map of regional weather models."""
+"""Regional weather models use the Lambert conformal conic map."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from jaxtyping import Float64
 
 @dataclass(frozen=True)
 class LambertConic:
-    """A map of the sphere, in units of the radius divided by a constant.
+    """A `LambertConic` maps the sphere, in units of the radius divided by a constant.
 
     **Fields:**
 
@@ -23,7 +23,7 @@ class LambertConic:
 
     @property
     def cone(self) -> float:
-        """How far the map turns per turn of longitude (Snyder 1987, eq. 15-3)."""
+        """Give the turn of the map per turn of longitude (Snyder 1987, eq. 15-3)."""
         one, two = np.radians([self.latitude_1_deg, self.latitude_2_deg])
         if np.isclose(one, two):
             return float(np.sin(one))
@@ -33,13 +33,15 @@ class LambertConic:
     def unwrapped(
         self, longitude_deg: Float64[np.ndarray, "*points"]
     ) -> Float64[np.ndarray, "*points"]:
-        """Longitudes within 180 degrees of the central meridian, without a jump."""
+        """Return longitudes within 180° of the central meridian, without a jump."""
         return self.longitude_deg + self._from_centre(longitude_deg)
 
     def rotation_rad(
         self, longitude_deg: Float64[np.ndarray, "*points"]
     ) -> Float64[np.ndarray, "*points"]:
-        """The angle from true north to the y axis of the map, clockwise positive."""
+        """Return the angle from true north to the y axis of the map, clockwise
+        positive.
+        """
         # East of the central meridian, meridians lean left: up is east of north.
         return self.cone * np.radians(self._from_centre(longitude_deg))
 
@@ -48,7 +50,7 @@ class LambertConic:
         latitude_deg: Float64[np.ndarray, "*points"],
         longitude_deg: Float64[np.ndarray, "*points"],
     ) -> tuple[Float64[np.ndarray, "*points"], Float64[np.ndarray, "*points"]]:
-        """Map coordinates x and y (Snyder 1987, eqs 15-1 and 14-4)."""
+        """Return map coordinates x and y (Snyder 1987, eqs 15-1 and 14-4)."""
         polar = np.pi / 4 + np.radians(latitude_deg) / 2
         radius = np.tan(polar) ** -self.cone / self.cone
         angle = self.rotation_rad(longitude_deg)

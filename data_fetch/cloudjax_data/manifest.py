@@ -1,8 +1,7 @@
-"""Where the files of a folder came from: `manifest.json`."""
+"""`manifest.json` says where the files of a folder came from."""
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -12,6 +11,7 @@ from typing import Any
 from .fetch_item import FetchItem, GribItem
 from .file_lock import PARTIAL, locked
 from .gfs_index import SELECTION, Message
+from .whole_files import whole
 
 
 MANIFEST = "manifest.json"
@@ -21,7 +21,9 @@ _BLOCK = 2**20
 
 @dataclass(frozen=True)
 class Checksums:
-    """Of a file: its size in bytes, MD5 for the tags of S3, SHA-256 for the record."""
+    """`Checksums` are the size of a file in bytes, its MD5 for the tags of S3, and its
+    SHA-256 for the record.
+    """
 
     size: int
     md5: str
@@ -30,7 +32,7 @@ class Checksums:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The records of a folder, by the names of its files.
+    """A `Manifest` holds the records of a folder, by the names of its files.
 
     **Fields:** `files`: by name `origin` (URL), `bucket`, `key`, `object_size`, `etag`,
     `fetched` (UTC), `size`, `sha256`, and of a GFS file `selection` and `messages`
@@ -40,7 +42,7 @@ class Manifest:
     files: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def holds(self, folder: Path, item: FetchItem) -> bool:
-        """Whether the folder has the file, byte for byte as it was fetched."""
+        """Tell whether the folder has the file, byte for byte as it was fetched."""
         record, path = self.files.get(item.name), folder / item.name
         return (
             record is not None
@@ -51,7 +53,9 @@ class Manifest:
         )
 
     def grib_item(self, name: str) -> GribItem | None:
-        """A GFS file as it was fetched; None if what is needed of it has changed."""
+        """Return a GFS file as it was fetched, or None if what is needed of it has
+        changed.
+        """
         record = self.files.get(name, {})
         if record.get("selection") != SELECTION:
             return None
@@ -70,7 +74,7 @@ class Manifest:
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """The records of a folder; none if there are none, or none that can be read."""
+    """Read the records of a folder; there are none if none can be read."""
     try:
         return _parsed((folder / MANIFEST).read_bytes())
     except OSError:
@@ -78,7 +82,7 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def record(folder: Path, item: FetchItem, origin: str, sums: Checksums) -> None:
-    """Add one file to the manifest of a folder; several processes may at once."""
+    """Add one file to the manifest of a folder; several processes may do so at once."""
     entry: dict[str, Any] = {
         "origin": f"{origin}/{item.key}",
         "bucket": item.bucket,
@@ -97,9 +101,8 @@ def record(folder: Path, item: FetchItem, origin: str, sums: Checksums) -> None:
     with locked(folder, MANIFEST):
         files = {**read_manifest(folder).files, item.name: entry}
         content = {"version": _VERSION, "files": dict(sorted(files.items()))}
-        aside = folder / PARTIAL / MANIFEST
-        aside.write_text(json.dumps(content, indent=1), encoding="utf-8")
-        os.replace(aside, folder / MANIFEST)
+        with whole(folder / MANIFEST, folder / PARTIAL / MANIFEST) as aside:
+            aside.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
 def checksums(path: Path) -> Checksums:

@@ -1,4 +1,4 @@
-"""Buckets as obstore reaches them: anonymous, read only, one policy of retries."""
+"""obstore reaches buckets: anonymous, read only, with one policy of retries."""
 
 import random
 import re
@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Link:
-    """How to reach the buckets.
+    """A `Link` says how to reach the buckets.
 
     **Fields:**
 
@@ -58,7 +58,7 @@ class Link:
     connections: int = 4
 
     def bucket(self, name: str) -> "Bucket":
-        """A bucket; nothing is asked yet.
+        """Return a bucket; nothing is asked yet.
 
         **Raises:** `DataError` if the endpoint is neither a URL nor a folder.
         """
@@ -106,7 +106,9 @@ class Link:
 
 @dataclass(frozen=True)
 class Listed:
-    """An object as the store lists it; `etag` as it came, quotes included."""
+    """A `Listed` is an object as the store lists it; `etag` is as it came, quotes
+    included.
+    """
 
     key: str
     size: int
@@ -115,7 +117,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class Bucket:
-    """A bucket, and how to ask it.
+    """A `Bucket` answers what is asked of it.
 
     **Fields:** `name`; `origin`, its address; `link`; `store`, of obstore.
 
@@ -129,7 +131,7 @@ class Bucket:
     store: ObjectStore = field(repr=False)
 
     def list(self, folder: str) -> list[Listed]:
-        """All objects under a folder, page after page."""
+        """List all objects under a folder, page after page."""
 
         def pages() -> list[Listed]:
             found = obstore.list(self.store, folder, chunk_size=1000)
@@ -142,12 +144,12 @@ class Bucket:
         return self._asked("list", folder, pages)
 
     def head(self, key: str) -> Listed:
-        """Size and tag of one object."""
+        """Return size and tag of one object."""
         meta = self._asked("find", key, lambda: obstore.head(self.store, key))
         return Listed(key, int(meta["size"]), meta["e_tag"])
 
     def read(self, key: str, at_most: int) -> bytes:
-        """A small object, whole.
+        """Read a small object whole.
 
         **Raises:** `DataError` also if it is larger than it should be.
         """
@@ -167,7 +169,7 @@ class Bucket:
     def stream(
         self, key: str, start: int, end: int, etag: str | None
     ) -> Iterator[bytes]:
-        """The bytes from `start` to before `end` of the object of that tag.
+        """Yield the bytes from `start` to before `end` of the object of that tag.
 
         Tries once, and raises what obstore raises.
         """
@@ -191,7 +193,7 @@ class Bucket:
 
 
 class Retry:
-    """Exponential back-off with jitter, by the policy of a link."""
+    """A `Retry` backs off exponentially with jitter, by the policy of a link."""
 
     def __init__(self, link: Link, stop: threading.Event | None = None):
         self._link = link
@@ -203,7 +205,7 @@ class Retry:
         self._failures = 0
 
     def wait(self) -> bool:
-        """Wait before the next try; False if there is none to be made."""
+        """Wait before the next try, or return False if there is none to be made."""
         if self._failures >= self._link.retries:
             return False
         longest = min(self._link.first_wait_s * 2**self._failures, _LONGEST_WAIT_S)
@@ -216,12 +218,12 @@ class Retry:
 
 
 def is_final(error: Exception) -> bool:
-    """Whether another try cannot mend it."""
+    """Tell whether another try cannot mend it."""
     return isinstance(error, _FINAL) or bool(_FINAL_STATUS.search(str(error)))
 
 
 def reason(error: Exception) -> str:
-    """What went wrong, without the request and the page that came with it."""
+    """Say what went wrong, without the request and the page that came with it."""
     lines = str(error).strip().splitlines()
     first = lines[0] if lines else type(error).__name__
     text = first.split(" - ")[-1].split(": <")[0].rstrip(" .:")

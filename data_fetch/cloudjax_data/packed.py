@@ -1,4 +1,4 @@
-"""Packed netCDF variables, decoded by hand.
+"""Packed netCDF variables are decoded by hand.
 
 ABI files store unsigned counts in signed integers and say so in an attribute
 (PUG volume 3, section 5.0.2). Generic decoders have compared the fill value before
@@ -41,7 +41,7 @@ def netcdf_file(path: str | PathLike[str]) -> Iterator[netCDF4.Dataset]:
 
 
 def variable(file: netCDF4.Dataset, name: str) -> netCDF4.Variable:
-    """The variable of that name, or `DataError`."""
+    """Return the variable of that name, or raise `DataError`."""
     if name not in file.variables:
         raise DataError(
             f"{file.filepath()} has no variable {name!r}: it is not an ABI product "
@@ -51,7 +51,9 @@ def variable(file: netCDF4.Dataset, name: str) -> netCDF4.Variable:
 
 
 def attribute(owner: netCDF4.Dataset | netCDF4.Variable, name: str) -> Any:
-    """The attribute of that name of a file or of a variable, or `DataError`."""
+    """Return the attribute of that name of a file or of a variable, or raise
+    `DataError`.
+    """
     if name in owner.ncattrs():
         return owner.getncattr(name)
     is_file = isinstance(owner, netCDF4.Dataset)
@@ -64,7 +66,7 @@ def attribute(owner: netCDF4.Dataset | netCDF4.Variable, name: str) -> Any:
 
 
 def scalar(file: netCDF4.Dataset, name: str) -> float | None:
-    """A number of the file; None where it is absent or holds its fill value."""
+    """Return a number of the file, or None where it is absent or its fill value."""
     if name not in file.variables:
         return None
     value = np.asarray(file.variables[name][...]).reshape(-1)[0]
@@ -75,7 +77,8 @@ def scalar(file: netCDF4.Dataset, name: str) -> float | None:
 def counts(
     packed: netCDF4.Variable, where: tuple[slice, ...] | EllipsisType = ...
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The stored integers, unsigned where the file says so, and where they are valid.
+    """Return the stored integers, unsigned where the file says so, and where they are
+    valid.
 
     **Arguments:**
 
@@ -94,7 +97,7 @@ def counts(
 
 
 def scale_and_offset(packed: netCDF4.Variable) -> tuple[float, float]:
-    """The linear decoding of a packed variable: value = count * scale + offset."""
+    """Return scale and offset of a packed variable: value = count * scale + offset."""
     return (
         float(getattr(packed, "scale_factor", 1.0)),
         float(getattr(packed, "add_offset", 0.0)),

@@ -1,6 +1,6 @@
-"""Which GOES-R satellite stood where, and when.
+"""Each GOES-R satellite stood in a position for some time.
 
-The dates are those on which NOAA declared a satellite operational (docs/fetch.md).
+NOAA declared a satellite operational on these dates (docs/guides/fetch.md has sources).
 """
 
 from datetime import UTC, datetime
@@ -24,14 +24,14 @@ POSITIONS = {
 
 
 def in_utc(time: datetime) -> datetime:
-    """The same time in UTC. Raises `DataError` if it has no time zone."""
+    """Return the same time in UTC, or raise `DataError` if it has no time zone."""
     if time.tzinfo is None:
         raise DataError(f"{time} has no time zone: give it one, such as datetime.UTC.")
     return time.astimezone(UTC)
 
 
 def satellite_at(name: str, time: datetime) -> str:
-    """The satellite of that name, or the one that stood in that position.
+    """Return the satellite of that name, or the one that stood in that position.
 
     **Arguments:**
 

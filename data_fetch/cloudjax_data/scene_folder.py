@@ -1,4 +1,4 @@
-"""What a scene folder holds, from the names and headers of its files."""
+"""The names and headers of its files say what a scene folder holds."""
 
 import tomllib
 from collections.abc import Iterable
@@ -21,7 +21,8 @@ SETTINGS = "scene.toml"
 
 @dataclass(frozen=True)
 class SceneFolder:
-    """The files of one scene; nothing but names and headers has been read.
+    """A `SceneFolder` names the files of one scene; only names and headers have been
+    read.
 
     **Fields:**
 

@@ -1,4 +1,4 @@
-"""Where the sun stands, and how far."""
+"""The sun has a direction and a distance at each time."""
 
 from datetime import datetime
 
@@ -6,8 +6,13 @@ import numpy as np
 from jaxtyping import Float64
 
 
+# The Earth's, by which the algorithm finds the sun's parallax for an observer.
+_RADIUS_M = 6_378_140.0
+
+
 def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
-    """Unit vector from the Earth's centre to the sun, in Earth-fixed (ECEF) axes.
+    """Return the unit vector from the Earth's centre to the sun, in Earth-fixed (ECEF)
+    axes.
 
     **Arguments:**
 
@@ -24,7 +29,7 @@ def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
 
     # At latitude 0, longitude 0 the local up, east and north are the ECEF x, y and z;
     # an observer a radius below sea level is the centre, where parallax vanishes.
-    position = spa_python(pd.DatetimeIndex([time]), 0.0, 0.0, altitude=-6378140.0)
+    position = spa_python(pd.DatetimeIndex([time]), 0.0, 0.0, altitude=-_RADIUS_M)
     zenith = np.radians(position["zenith"].to_numpy()[0])
     azimuth = np.radians(position["azimuth"].to_numpy()[0])
     return np.array(
@@ -37,7 +42,9 @@ def sun_direction(time: datetime) -> Float64[np.ndarray, "3"]:
 
 
 def earth_sun_distance_au(time: datetime) -> float:
-    """Distance from the Earth to the sun in astronomical units (Reda and Andreas)."""
+    """Return the distance from the Earth to the sun in astronomical units (Reda and
+    Andreas).
+    """
     import pandas as pd
     from pvlib.solarposition import nrel_earthsun_distance
 

@@ -1,4 +1,4 @@
-"""A weather analysis on pressure levels, as one kind of object whatever the file."""
+"""A weather analysis on pressure levels is one kind of object, whatever the file."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -51,7 +51,8 @@ _POSSIBLE = {
 
 @dataclass(frozen=True, eq=False)
 class WeatherCube:
-    """Winds, humidity, temperature and height on pressure levels, at one time.
+    """A `WeatherCube` has winds, humidity, temperature and height on pressure levels,
+    at one time.
 
     **Fields:**
 
@@ -84,7 +85,7 @@ class WeatherCube:
 
     @property
     def is_global(self) -> bool:
-        """Whether longitudes go all the way round."""
+        """Tell whether longitudes go all the way round."""
         if self.projection is not None:
             return False
         longitude = self.data["longitude"].to_numpy()
@@ -92,7 +93,7 @@ class WeatherCube:
         return bool(np.isclose(longitude[-1] + step - longitude[0], 360.0))
 
     def at_altitude(self, altitude_m: float) -> xr.Dataset:
-        """The variables on levels (but `gh`) at a height above sea level.
+        """Interpolate the variables on levels (but `gh`) to a height above sea level.
 
         The height is in geopotential metres (geometric height is greater by 0.16 % at
         10 km). Linear between the two levels that enclose it, column by column; NaN
@@ -108,7 +109,8 @@ class WeatherCube:
         )
 
     def regular(self, step_deg: float) -> "WeatherCube":
-        """This cube on regular latitudes and longitudes, multiples of `step_deg`.
+        """Return this cube on regular latitudes and longitudes, multiples of
+        `step_deg`.
 
         Linear on the map; NaN outside of it. A cube that is already on latitude and
         longitude is returned as it is.

@@ -1,4 +1,4 @@
-"""Grids of weather models, brought to one orientation."""
+"""Grids of weather models are brought to one orientation."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +14,8 @@ from .lambert import LambertConic
 def oriented(
     path: Path, data: xr.Dataset, grib: Mapping[str, Any]
 ) -> tuple[xr.Dataset, LambertConic | None]:
-    """Data with latitudes ascending, longitudes continuous, winds relative to Earth.
+    """Return data with latitudes ascending, longitudes continuous, winds relative to
+    Earth.
 
     `grib` holds the attributes of cfgrib for the zonal wind. Raises `DataError` for
     grids other than latitude-longitude and Lambert.
@@ -44,7 +45,7 @@ def oriented(
 
 
 def rotated_to_earth(data: xr.Dataset, projection: LambertConic) -> xr.Dataset:
-    """Winds along the axes of the map turned to the true east and north."""
+    """Turn winds along the axes of the map to the true east and north."""
     angle = projection.rotation_rad(data["longitude"].to_numpy())
     sin, cos = np.sin(angle).astype(np.float32), np.cos(angle).astype(np.float32)
     u, v = data["u"], data["v"]
@@ -56,7 +57,7 @@ def rotated_to_earth(data: xr.Dataset, projection: LambertConic) -> xr.Dataset:
 def on_plain_axes(
     path: Path, data: xr.Dataset, projection: LambertConic, step_deg: float
 ) -> xr.Dataset:
-    """Lambert data at the multiples of a step in latitude and longitude."""
+    """Return Lambert data at the multiples of a step in latitude and longitude."""
     # scipy takes longer to import than a file to read
     from scipy.interpolate import RegularGridInterpolator
 

@@ -1,4 +1,4 @@
-"""Weather at several times, linear in between."""
+"""Weather at several times is linear in between."""
 
 import itertools as it
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _SAME_DEG = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class WeatherSeries:
-    """Cubes on one grid, in the order of their times.
+    """A `WeatherSeries` holds cubes on one grid, in the order of their times.
 
     Their levels may differ, for everything is taken at altitudes. Build it with
     `WeatherSeries.of`.
@@ -29,7 +29,7 @@ class WeatherSeries:
 
     @staticmethod
     def of(cubes: Sequence[WeatherCube]) -> "WeatherSeries":
-        """The series of these cubes, in any order.
+        """Make the series of these cubes, in any order.
 
         **Raises:** `DataError` if there are none, two are of the same time, or their
         grids differ.
@@ -53,17 +53,17 @@ class WeatherSeries:
 
     @property
     def times(self) -> tuple[datetime, ...]:
-        """Ascending, in UTC."""
+        """Give the times, ascending, in UTC."""
         return tuple(cube.valid_time for cube in self.cubes)
 
     def seconds_from(self, origin: datetime) -> Float[np.ndarray, " time"]:
-        """The times in seconds after another."""
+        """Return the times in seconds after another."""
         return np.array([(time - origin).total_seconds() for time in self.times])
 
     def winds(
         self, altitude_m: float
     ) -> tuple[Float[np.ndarray, "time y x"], Float[np.ndarray, "time y x"]]:
-        """Eastward and northward wind (m/s) at an altitude, at `times`.
+        """Return eastward and northward wind [m/s] at an altitude, at `times`.
 
         As `WeatherCube.at_altitude`, NaN under the ground and beyond the levels.
         """
@@ -74,7 +74,8 @@ class WeatherSeries:
         return east, north
 
     def at_altitude(self, altitude_m: float, time: datetime) -> xr.Dataset:
-        """The variables at an altitude and a time, linear between the two next to it.
+        """Return the variables at an altitude and a time, linear between the two next
+        to it.
 
         Before the first and after the last time, that one's. Optional variables that
         one of the two lacks are left out.

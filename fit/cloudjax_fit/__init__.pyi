@@ -2,9 +2,10 @@ from .comparison import compare as compare
 from .comparison import read_radiances as read_radiances
 from .embedded import embedded_target as embedded_target
 from .fit_files import write_fit as write_fit
+from .fit_inputs import FitInputs as FitInputs
+from .fit_inputs import read_inputs as read_inputs
 from .fitting import FitResult as FitResult
 from .fitting import FitSettings as FitSettings
-from .fitting import SimulatedImage as SimulatedImage
 from .fitting import fit as fit
 from .histogram import Distances as Distances
 from .histogram import Quantiles as Quantiles
@@ -14,7 +15,8 @@ from .observation import observe as observe
 from .parameter_file import read_parameters as read_parameters
 from .parameters import Parameter as Parameter
 from .report import write_comparison as write_comparison
+from .scene_parameters import scene_parameters as scene_parameters
 from .target_file import read_target as read_target
 from .target_file import write_target as write_target
-from .targets import BandTarget as BandTarget
+from .targets import BandStatistics as BandStatistics
 from .targets import Target as Target

@@ -17,6 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from cloudjax_scenes.display import Display
+
 from .histogram import Sample
 
 
@@ -61,27 +63,6 @@ class Stroke:
 REFERENCE = Stroke("#7d858f", filled=True, width=1.0)
 BEFORE = Stroke("#c4662b", dashes="--")
 AFTER = Stroke("#1d5fa6", width=2.0)
-
-
-@dataclass(frozen=True)
-class Display:
-    """How the images of a band are shown: the label of their values, and the shades.
-
-    Thermal images are drawn with cold, that is small values, in white, as
-    meteorologists do: clouds are bright in every band.
-    """
-
-    label: str
-    thermal: bool = False
-
-    @property
-    def colormap(self) -> str:
-        """Name of the matplotlib colour map."""
-        return "gray_r" if self.thermal else "gray"
-
-
-REFLECTANCE = Display("reflectance factor")
-BRIGHTNESS_TEMPERATURE = Display("brightness temperature (K)", thermal=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,14 +13,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax.march.radiances import VISIBLE_DEPTH
+from cloudjax import CloudClass
+from cloudjax.march.products import VISIBLE_DEPTH
+from cloudjax_data.whole_files import staged
 from cloudjax_scenes.band_image import BandImage
 from cloudjax_scenes.image_file import image_dataset
 from cloudjax_scenes.netcdf import write_netcdf
-from cloudjax_scenes.whole_files import staged
 
 from .condensate import OBSERVED_WATER, Condensate
-from .fitted_scene import LIGHTS, PARTICLES
 from .fitting import FitResult, versions
 from .histogram import Distances
 from .parameter_file import parameters_text
@@ -59,22 +59,24 @@ def write_fit(
 
     **Raises:** `DataError` if the disk does not take the files.
     """
-    values, target = parameter_values(result), result.target
-    title = f"Parameters of {target.name}, {target.platform}, {_time(result)}"
-    image = image_dataset(result.image, target, values, result.settings.seed)
+    imagery, found = result.target.imagery, _values(result)
+    values = {parameter.name: value for parameter, value in found.items()}
+    title = f"Parameters of {imagery.name}, {imagery.platform}, {_time(result)}"
+    image = image_dataset(result.image, imagery, values, result.settings.seed)
     numbers = json.dumps(fit_numbers(result), indent=2, allow_nan=False)
     with staged(folder, last=NUMBERS) as aside:
-        text = parameters_text(values, title, result.settings.light)
+        made_of = result.made_of
+        text = parameters_text(made_of.classes, found, made_of.light, title)
         (aside / PARAMETERS).write_text(text, encoding="utf-8")
         write_netcdf(aside / IMAGE, image)
         write_fit_report(aside / REPORT, fit_report(result, observed_images))
         (aside / NUMBERS).write_text(numbers + "\n", encoding="utf-8")
 
 
-def parameter_values(result: FitResult) -> dict[str, float]:
+def _values(result: FitResult) -> dict[Parameter, float]:
     """All parameters of the fitted scene: those found and those held."""
-    found = {e.parameter.name: e.value for e in result.estimates}
-    return found | {p.name: p.default for p in result.held}
+    found = {e.parameter: e.value for e in result.estimates}
+    return found | {p: p.default for p in result.held}
 
 
 def fit_numbers(result: FitResult) -> dict[str, Any]:
@@ -91,7 +93,9 @@ def fit_numbers(result: FitResult) -> dict[str, Any]:
             "cloud_fraction": cloud_fractions(result),
             "cloud_optical_depth": optical_depths(result),
             "clouds": {n: _cloud_numbers(c) for n, c in condensate(result).items()},
-            "bands": {str(n): _band_numbers(result, n) for n in result.target.bands},
+            "bands": {
+                str(n): _band_numbers(result, n) for n in result.target.statistics
+            },
             "parameters": {
                 e.parameter.name: _estimate_numbers(e) for e in result.estimates
             },
@@ -121,24 +125,23 @@ def optical_depths(result: FitResult) -> dict[str, float]:
 
 def condensate(result: FitResult) -> dict[str, Condensate]:
     """What each class of the fitted clouds is made of."""
-    share = LIGHTS[result.settings.light].share
+    share, classes = result.made_of.light.share, result.made_of.classes
     return {
-        layer.name: _condensate(
-            layer.name, float(layer.extinction_per_m) / share, depth
+        layer.name: _condensate(one, float(layer.extinction_per_m) / share, depth)
+        for one, layer, depth in zip(
+            classes, result.scene.layers, result.image.depths, strict=True
         )
-        for layer, depth in zip(result.scene.layers, result.image.depths, strict=True)
     }
 
 
-def _condensate(name: str, extinction_per_m: float, depth) -> Condensate:
-    particles = PARTICLES[name]
-    water = particles.water_content_g_m3(jnp.asarray(extinction_per_m))
+def _condensate(one: CloudClass, extinction_per_m: float, depth) -> Condensate:
+    water = one.optics.water_content_g_m3(jnp.asarray(extinction_per_m))
     return Condensate(
-        effective_radius_um=float(particles.effective_radius_um),
+        effective_radius_um=one.effective_radius_um,
         physical_extinction_per_m=extinction_per_m,
         water_content_g_m3=float(water),
         optical_depth=_quartiles(depth[depth > VISIBLE_DEPTH]),
-        observed_water_g_m3=OBSERVED_WATER.get(name),
+        observed_water_g_m3=OBSERVED_WATER.get(one.name),
     )
 
 
@@ -166,11 +169,11 @@ def fit_report(result: FitResult, observed_images: Images | None = None) -> FitR
     """What the page of a fit shows."""
     images = observed_images or {}
     return FitReport(
-        title=f"Fit of {result.target.name}",
+        title=f"Fit of {result.target.imagery.name}",
         scene=_facts(result),
         status=_status_sentence(result),
         converged=result.converged,
-        bands=[_band_report(result, n, images) for n in result.target.bands],
+        bands=[_band_report(result, n, images) for n in result.target.statistics],
         clouds=condensate(result),
         parameters=[_row(estimate) for estimate in result.estimates],
         undetermined=result.undetermined,
@@ -183,20 +186,20 @@ def fit_report(result: FitResult, observed_images: Images | None = None) -> FitR
 
 
 def _scene(result: FitResult) -> dict[str, Any]:
-    target = result.target
+    imagery = result.target.imagery
     return {
-        "name": target.name,
-        "platform": target.platform,
-        "time": target.time.astimezone(UTC).isoformat(),
-        "shape": list(target.grid.shape),
-        "bands": list(target.bands),
-        "cloud_rule": str(target.rule),
-        "layers": list(target.fractions),
+        "name": imagery.name,
+        "platform": imagery.platform,
+        "time": imagery.time.astimezone(UTC).isoformat(),
+        "shape": list(imagery.grid.shape),
+        "bands": list(imagery.bands),
+        "cloud_rule": str(imagery.rule),
+        "layers": list(imagery.fractions),
     }
 
 
 def _band_numbers(result: FitResult, number: int) -> dict[str, Any]:
-    band = result.target.bands[number]
+    band = result.target.imagery.bands[number]
     start, fitted = result.distances_start[number], result.distances_fit[number]
     return {
         "units": band.units,
@@ -237,18 +240,18 @@ def _estimate_numbers(estimate: Estimate) -> dict[str, Any]:
 
 
 def _facts(result: FitResult) -> dict[str, str]:
-    target, clouds = result.target, cloud_fractions(result)
-    rows, columns = target.grid.shape
+    imagery, clouds = result.target.imagery, cloud_fractions(result)
+    rows, columns = imagery.grid.shape
     held = ", ".join(f"{p.name} = {format_number(p.default)}" for p in result.held)
     return {
-        "scene": target.name,
-        "satellite": target.platform,
+        "scene": imagery.name,
+        "satellite": imagery.platform,
         "time": _time(result),
         "pixels": f"{rows} × {columns}",
-        "cloud pixels": f"{target.rule}",
+        "cloud pixels": f"{imagery.rule}",
         "cloud fraction": f"{clouds['observed']:.1%} observed, "
         f"{clouds['simulated']:.1%} simulated ({clouds['start']:.1%} at the start)",
-        "layers": ", ".join(target.fractions),
+        "layers": ", ".join(imagery.fractions),
         "light": result.settings.light,
         "optical depth": "{median:.3g} ({lower:.3g} to {upper:.3g}), vertical, of "
         "cloud pixels at 0.64 µm".format(**optical_depths(result)),
@@ -264,8 +267,9 @@ def _status_sentence(result: FitResult) -> str:
 
 
 def _band_report(result: FitResult, number: int, observed: Images) -> BandReport:
-    band = result.target.bands[number]
-    simulated = BandImage(band, band.coefficients, result.image.band(number))
+    imagery = result.target.imagery
+    band, coefficients = imagery.bands[number], imagery.coefficients(number)
+    simulated = BandImage(band, coefficients, result.image.band(number))
     seen = None
     if number in observed:
         seen = dataclasses.replace(simulated, radiance=observed[number]).shown
@@ -273,7 +277,7 @@ def _band_report(result: FitResult, number: int, observed: Images) -> BandReport
         number=number,
         name=simulated.title,
         units=band.units,
-        observed=band.quantiles,
+        observed=result.target.statistics[number].quantiles,
         simulated_start=_pixels(result.start, number),
         simulated_fit=_pixels(result.image, number),
         distances_start=result.distances_start[number],
@@ -312,7 +316,7 @@ def _prior(parameter: Parameter) -> str:
 
 
 def _time(result: FitResult) -> str:
-    return f"{result.target.time.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
+    return f"{result.target.imagery.time.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _plain(value: Any) -> Any:

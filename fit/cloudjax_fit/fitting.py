@@ -5,26 +5,21 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
-from cloudjax import Scene, render
-from cloudjax_data import sun_direction
+from cloudjax import CloudClass, Scene
+from cloudjax_scenes.imagery import Imagery
+from cloudjax_scenes.imagery_scene import SceneFromImagery
+from cloudjax_scenes.lights import PAPER, light_named
+from cloudjax_scenes.simulated_image import SimulatedImage, simulate_image
 from cloudjax_scenes.weather_analysis import Analysis
 
-from .fitted_scene import (
-    DEFAULT_LIGHT,
-    background,
-    build_scene,
-    light_of,
-    scene_parameters,
-    weather_of,
-)
+from .cautions import cautions
 from .histogram import Distances, distances
 from .objective import pose
 from .parameters import Parameter, put_all, unbounded_of, values_of, with_overrides
+from .scene_parameters import scene_parameters
 from .solver import OnStep, Solution, Solver
 from .targets import Target
 from .uncertainty import Estimate, estimate
@@ -42,7 +37,7 @@ class FitSettings:
     - `starts`: the defaults, and this many less one drawn from the priors.
     - `max_steps`: of the solver from each start.
     - `seed`: of textures, rays, starts and bootstrap.
-    - `light`: the strategy for sunlight, one of `model.LIGHTS`.
+    - `light`: the strategy for sunlight, one of `cloudjax_scenes.LIGHTS`.
     """
 
     rays: int = 8192
@@ -51,34 +46,18 @@ class FitSettings:
     starts: int = 1
     max_steps: int = 150
     seed: int = 0
-    light: str = DEFAULT_LIGHT
+    light: str = PAPER.name
 
-
-@dataclass(frozen=True, eq=False)
-class SimulatedImage:
-    """All pixels of a target, simulated.
-
-    **Fields:**
-
-    - `bands`: their numbers, in the order of `radiance`.
-    - `radiance`: NaN off the Earth.
-    - `cloud`: the softly selected share of each pixel, 0 off the Earth.
-    - `depths`: vertical optical depths of each class of cloud, physical, at 0.64 µm;
-      0 off the Earth.
-    """
-
-    bands: tuple[int, ...]
-    radiance: Float[np.ndarray, "bands y x"]
-    cloud: Float[np.ndarray, "y x"]
-    depths: Float[np.ndarray, "classes y x"]
-
-    @property
-    def optical_depth(self) -> Float[np.ndarray, "y x"]:
-        """Of all clouds."""
-        return self.depths.sum(0)
-
-    def band(self, number: int) -> Float[np.ndarray, "y x"]:
-        return self.radiance[self.bands.index(number)]
+    def scene_from(
+        self,
+        imagery: Imagery,
+        analysis: Analysis | None = None,
+        classes: Mapping[str, CloudClass] | None = None,
+    ) -> SceneFromImagery:
+        """Return what the fitted scene is built of."""
+        return SceneFromImagery(
+            imagery, analysis, light_named(self.light), classes, self.seed, self.steps
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +66,7 @@ class FitResult:
 
     **Fields:**
 
+    - `target`, `made_of`: what was fitted, and what its scene was built of.
     - `converged`, `status`: whether the solver did, and what it says.
     - `scene`: with the fitted parameters.
     - `estimates`: of every free parameter; `held`: the others.
@@ -94,9 +74,11 @@ class FitResult:
     - `start`, `image`: simulated with the parameters before and after.
     - `distances_start`, `distances_fit`: by band.
     - `history`: loss after each step; `seconds`: wall time by phase.
+    - `warnings`: what to mind before believing it.
     """
 
     target: Target
+    made_of: SceneFromImagery
     settings: FitSettings
     converged: bool
     status: str
@@ -119,6 +101,7 @@ def fit(
     *,
     settings: FitSettings | None = None,
     overrides: Mapping[str, Mapping] | None = None,
+    classes: Mapping[str, CloudClass] | None = None,
     on_step: OnStep | None = None,
 ) -> FitResult:
     """Fit a scene of clouds to the histograms of a target.
@@ -128,27 +111,22 @@ def fit(
     - `analysis`: the weather of that hour: winds that draw the textures, temperatures.
     - `overrides`: changes of parameters by name, such as `{"cirrus.top": {"default":
       9000.0, "free": False}}`.
+    - `classes`: of cloud; by default those that the light has for imagery.
     - `on_step`: called with the number and loss of each step.
 
     **Raises:** `ValueError` for an override that does not exist or contradicts itself.
     """
     settings = settings or FitSettings()
     clock = _Clock()
-    scene = build_scene(
-        target,
-        analysis,
-        seed=settings.seed,
-        steps=settings.steps,
-        light=settings.light,
-    )
-    parameters = with_overrides(scene_parameters(scene, target), overrides or {})
-    scene = put_all(scene, parameters, jnp.asarray([p.default for p in parameters]))
+    made_of = settings.scene_from(target.imagery, analysis, classes)
+    parameters = with_overrides(scene_parameters(made_of), overrides or {})
+    defaults = jnp.asarray([p.default for p in parameters])
+    scene = put_all(made_of.build(), parameters, defaults)
     free = [p for p in parameters if p.free]
     problem, _ = pose(
         target,
         scene,
         free,
-        analysis,
         rays=settings.rays,
         seed=settings.seed,
         resolution=settings.resolution,
@@ -164,11 +142,17 @@ def fit(
     )
     clock.lap("uncertainty")
     fitted = put_all(scene, free, values_of(free, jnp.asarray(best.z)))
-    start = simulate_image(scene, target, analysis, settings.resolution)
-    image = simulate_image(fitted, target, analysis, settings.resolution)
+    start = simulate_image(scene, made_of, settings.resolution)
+    image = simulate_image(fitted, made_of, settings.resolution)
     clock.lap("render")
+    depths = {
+        layer.name: depth
+        for layer, depth in zip(fitted.layers, image.depths, strict=True)
+    }
+    earth = np.isfinite(image.radiance[0])
     return FitResult(
         target=target,
+        made_of=made_of,
         settings=settings,
         converged=best.converged,
         status=best.message,
@@ -182,6 +166,7 @@ def fit(
         distances_fit=_distances(target, image),
         history=best.history,
         seconds=clock.seconds,
+        warnings=cautions(target, estimates, depths, earth),
     )
 
 
@@ -191,45 +176,6 @@ def draw_starts(parameters: Sequence[Parameter], count: int, seed: int):
     rng = np.random.default_rng(seed)
     others = rng.standard_normal((count - 1, len(parameters)))
     return [first, *(jnp.asarray(z, first.dtype) for z in others)]
-
-
-def simulate_image(
-    scene: Scene,
-    target: Target,
-    analysis: Analysis | None = None,
-    resolution: int = 128,
-) -> SimulatedImage:
-    """Render all pixels of a target that see the Earth."""
-    every = target.grid.rays()
-    _, hit = every.ground(target.grid.ellipsoid)
-    rays = every[hit]
-    image = render(
-        scene,
-        rays,
-        sun_direction(target.time),
-        lambda index: background(target, rays[index]),
-        weather_of(scene, target, analysis),
-        resolution=resolution,
-        with_products=True,
-    )
-    clouds = image.clouds
-    assert clouds is not None
-    seen = scene.total(image.radiances)
-    weights = eqx.filter_jit(target.rule.weights)(seen, scene)
-    values = np.asarray(seen)
-    radiance = np.full((len(values), hit.size), np.nan, values.dtype)
-    radiance[:, hit] = values
-    cloud = np.zeros(hit.size, values.dtype)
-    cloud[hit] = np.asarray(weights)
-    depths = np.zeros((len(scene.layers), hit.size), values.dtype)
-    depths[:, hit] = np.asarray(clouds.depths) / light_of(scene).share
-    shape = target.grid.shape
-    return SimulatedImage(
-        scene.bands,
-        radiance.reshape(-1, *shape),
-        cloud.reshape(shape),
-        depths.reshape(-1, *shape),
-    )
 
 
 def versions() -> dict[str, str]:
@@ -246,7 +192,7 @@ def _distances(target: Target, image: SimulatedImage) -> dict[int, Distances]:
     weights = image.cloud.reshape(-1)
     return {
         number: distances(band.quantiles, image.band(number).reshape(-1), weights)
-        for number, band in target.bands.items()
+        for number, band in target.statistics.items()
     }
 
 

@@ -51,12 +51,6 @@ class Bins(eqx.Module):
         """Edges of the bins, from `low` to `high`."""
         return jnp.linspace(self.low, self.high, self.count + 1, axis=-1)
 
-    @property
-    def centers(self) -> Float[Array, "*bands centers"]:
-        """Centres of the bins."""
-        edges = self.edges
-        return (edges[..., 1:] + edges[..., :-1]) / 2
-
 
 def spline_histogram(
     values: Float[Array, " n"], weights: Float[Array, " n"], bins: Bins

@@ -5,6 +5,7 @@ Levenberg-Marquardt find the parameters from every start (docs/decisions.md).
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -12,12 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cloudjax import BandRadiances, Sampled, Scene, radiances, sample_rays
+from cloudjax import FractalCloud, Scene, View, look, radiances
 from cloudjax_data import sun_direction
 from cloudjax_scenes.cloud_rule import CloudRule
-from cloudjax_scenes.weather_analysis import Analysis
 
-from .fitted_scene import background, weather_of
 from .histogram import Bins, cumulative, spline_histogram
 from .parameters import Parameter, put_all, values_of
 from .targets import Target, block_of_pixels
@@ -40,13 +39,10 @@ BLOCK_FLOOR = 0.03
 class Problem(eqx.Module):
     """Everything that stays as it is during a fit.
 
-    The textures have been sampled: eq. (1) is linear in the samples, and no parameter
-    that is fitted moves one.
-
     **Fields:**
 
-    - `scene`: at the parameters' defaults.
-    - `sampled`, `background`: of the rays.
+    - `scene`: at the parameters' defaults; without what only views are made of.
+    - `view`: of the rays; eq. (1) is linear in it, and no parameter changes it.
     - `bins`, `observed`: of each of the scene's bands: [bands] and [bands bins].
     - `cloud_fraction`: observed, of the whole image.
     - `block_of_ray`, `block_rays`: the block of the image that each ray is in, and the
@@ -56,8 +52,7 @@ class Problem(eqx.Module):
     """
 
     scene: Scene
-    sampled: Sampled
-    background: BandRadiances
+    view: View
     bins: Bins
     observed: Float[Array, "bands bins"]
     cloud_fraction: Float[Array, ""]
@@ -77,15 +72,15 @@ def simulate(
     return seen, problem.rule.weights(seen, scene)
 
 
-def _total(values, problem: Problem, sampled: Sampled, background: BandRadiances):
+def _total(values, problem: Problem, view: View) -> Float[Array, "bands rays"]:
     scene = put_all(problem.scene, problem.parameters, values)
-    return scene.total(radiances(scene, sampled, background))
+    return scene.total(radiances(scene, view))
 
 
 @eqx.filter_custom_jvp
 def _seen(values, problem: Problem) -> Float[Array, "bands rays"]:
     """Radiances of the rays, with derivatives by the values in either mode."""
-    return _total(values, problem, problem.sampled, problem.background)
+    return _total(values, problem, problem.view)
 
 
 @_seen.def_jvp
@@ -108,10 +103,10 @@ def _with_jacobian(
     values, problem: Problem
 ) -> tuple[Float[Array, "rays bands"], Float[Array, "rays bands parameters"]]:
     def of_ray(i):
-        sampled, behind = problem.sampled[i[None]], problem.background[i[None]]
+        view = problem.view[i[None]]
 
         def seen(values):
-            bands = _total(values, problem, sampled, behind)[:, 0]
+            bands = _total(values, problem, view)[:, 0]
             return bands, bands
 
         jacobian, bands = jax.jacrev(seen, has_aux=True)(values)
@@ -153,38 +148,40 @@ def pose(
     target: Target,
     scene: Scene,
     parameters: Sequence[Parameter],
-    analysis: Analysis | None = None,
     *,
     rays: int,
     seed: int,
     resolution: int = 128,
 ) -> tuple[Problem, Int[np.ndarray, " rays"]]:
-    """Choose rays, navigate them and sample the textures along them.
+    """Choose rays and lay them through the scene.
 
     Rays are drawn from all pixels: clouds must not come up where it is clear.
+
+    **Arguments:**
+
+    - `scene`: of the target's imagery, at the parameters' defaults.
+    - `rays`: how many, drawn by `seed`; `resolution`: voxels per axis of the textures.
 
     **Returns:** the problem and the pixels that its rays belong to.
     """
     pixels = _draw_pixels(target, rays, seed)
-    chosen = target.grid.rays(pixels)
-    sampled = sample_rays(
+    imagery = target.imagery
+    view = look(
         scene,
-        chosen,
-        sun_direction(target.time),
-        weather_of(scene, target, analysis),
+        imagery.grid.rays(pixels),
+        sun_direction(imagery.time),
         resolution=resolution,
     )
-    block = block_of_pixels(target.grid.shape, target.blocks)[pixels]
-    bands = [target.bands[number] for number in scene.bands]
+    block = block_of_pixels(imagery.grid.shape, target.blocks)[pixels]
+    bands = [target.statistics[number] for number in scene.bands]
     bins = Bins(
         jnp.asarray([b.low for b in bands]),
         jnp.asarray([b.high for b in bands]),
         bands[0].block_counts.shape[1],
     )
     problem = Problem(
-        scene=scene,
-        sampled=sampled,
-        background=background(target, chosen),
+        scene=_as_looked_at(scene),
+        view=view,
         bins=bins,
         observed=_observed(bands, bins),
         cloud_fraction=jnp.asarray(target.cloud_fraction, float),
@@ -196,9 +193,26 @@ def pose(
             target.block_cloud / np.maximum(target.block_valid, 1), float
         ),
         parameters=tuple(parameters),
-        rule=target.rule,
+        rule=imagery.rule,
     )
     return problem, pixels
+
+
+def _as_looked_at(scene: Scene) -> Scene:
+    """The scene once there is a view: seeds, masks and winds serve no more.
+
+    Scenes that differ in these alone share one compiled function.
+    """
+    layers = tuple(
+        replace(
+            layer,
+            cloud=replace(layer.cloud, seed=0, mask=None, displacements=None),
+        )
+        if isinstance(layer.cloud, FractalCloud)
+        else layer
+        for layer in scene.layers
+    )
+    return replace(scene, layers=layers)
 
 
 def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
@@ -209,6 +223,7 @@ def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
 
 
 def _draw_pixels(target: Target, count: int, seed: int) -> Int[np.ndarray, " rays"]:
-    _, hit = target.grid.rays().ground(target.grid.ellipsoid)
+    grid = target.imagery.grid
+    _, hit = grid.rays().ground(grid.ellipsoid)
     chosen = np.random.default_rng(seed).permutation(np.flatnonzero(hit))[:count]
     return np.sort(chosen)

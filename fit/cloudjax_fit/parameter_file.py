@@ -1,67 +1,126 @@
-"""Fitted parameters as a small TOML file that people read and `render` takes.
+"""Fitted parameters as a TOML file: a set of classes, and what else was fitted.
 
-[low_stratus]
-threshold = 0.31
+    light_strategy = "physical"
+
+    [air]
+    gain_C13 = 1.01
+
+    [low_stratus]
+    threshold = 0.31
+    ...
+
+`cloudjax render SENSOR --classes` takes it as it is, in physical terms. Files of
+earlier versions hold numbers by short names only, in the units of their light.
 """
 
 import os
-import tomllib
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import tomli_w
 
-from cloudjax_data import DataError
+from cloudjax import CloudClass, Prior, class_table
+from cloudjax.clouds.class_files import classes_from
+from cloudjax.toml_table import NUMBER, TABLE, TEXT, TomlError, one_of, read_toml
+from cloudjax_scenes.data_errors import data_errors
+from cloudjax_scenes.lights import LIGHTS, Light
 
-from .fitted_scene import LIGHTS
+from .parameters import Parameter
+from .scene_parameters import light_factor
 
 
 LIGHT = "light_strategy"
 
 
-def parameters_text(values: Mapping[str, float], title: str, light: str) -> str:
-    """The content of the file, under a title of one line.
+@dataclass(frozen=True, eq=False)
+class FittedParameters:
+    """What a file of fitted parameters holds.
 
-    **Arguments:** `light`: the strategy that gives extinction its meaning.
+    **Fields:**
+
+    - `source`: the file, to be named in errors.
+    - `values`: by name, such as "air.gain_C13"; of an earlier version also those of the
+      clouds.
+    - `light`: the name of the strategy for light; None where the file does not say.
+    - `classes`: of cloud, with the fitted values; None in files of earlier versions.
     """
-    tables: dict[str, Any] = {LIGHT: light}
-    for name, value in values.items():
-        section, _, key = name.partition(".")
-        tables.setdefault(section, {})[key] = value
+
+    source: str
+    values: dict[str, float]
+    light: str | None
+    classes: dict[str, CloudClass] | None
+
+
+def parameters_text(
+    classes: Iterable[CloudClass],
+    values: Mapping[Parameter, float],
+    light: Light,
+    title: str,
+) -> str:
+    """Return the content of the file, under a title of one line.
+
+    **Arguments:** `values`: of all parameters of the scene, those of the classes too.
+    """
+    tables: dict[str, Any] = {LIGHT: light.name}
+    classes = list(classes)
+    names = [one.name for one in classes]
+    for parameter, value in values.items():
+        section, _, key = parameter.name.partition(".")
+        if section not in names:
+            tables.setdefault(section, {})[key] = value
+    by_name = {p.name: (p, value) for p, value in values.items()}
+    tables |= {one.name: class_table(_fitted(one, by_name, light)) for one in classes}
     return f"# {title}\n\n{tomli_w.dumps(tables)}"
 
 
-def read_parameters(
-    path: str | os.PathLike[str],
-) -> tuple[dict[str, float], str | None]:
-    """Values by name, such as "low_stratus.threshold", and the strategy for light.
+def _fitted(
+    one: CloudClass, found: Mapping[str, tuple[Parameter, float]], light: Light
+) -> CloudClass:
+    """The class with the values and the priors of the fit, in physical terms."""
+    values, priors = {}, dict(one.priors)
+    for each in one.parameters:
+        name = f"{one.name}.{each.name}"
+        if name not in found:
+            continue
+        parameter, value = found[name]
+        factor = light_factor(each.key, light)
+        values[each.name] = value / factor
+        priors[each.key] = Prior(
+            parameter.lower / factor,
+            parameter.upper / factor,
+            parameter.spread,
+            parameter.log,
+            parameter.free,
+        )
+    return replace(one.with_values(values), priors=priors)
+
+
+@data_errors()
+def read_parameters(path: str | os.PathLike[str]) -> FittedParameters:
+    """Read a file that a fit wrote, or that is laid out in that way.
 
     **Raises:** `DataError` if the file is absent, no TOML, or holds anything but
-    sections of numbers.
+    classes of cloud and sections of numbers.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path} is not a file: give the parameters.toml of a fit.")
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} is not valid TOML ({error}): correct it.") from error
-    values, light = {}, content.pop(LIGHT, None)
-    if light is not None and light not in LIGHTS:
-        raise DataError(
-            f"{path} gives {LIGHT} = {light!r}: make it {' or '.join(LIGHTS)}."
-        )
-    for section, table in content.items():
-        if not isinstance(table, Mapping):
-            raise DataError(
-                f"{path} gives {section!r} outside of a section: write it as in the "
+    content, source = read_toml(path, "the parameters.toml of a fit"), str(path)
+    light = content.pop(LIGHT, None)
+    if light is not None:
+        TEXT.check(light, LIGHT, source)
+        one_of(list(LIGHTS)).check(light, LIGHT, source)
+    for name, table in content.items():
+        if not TABLE.holds(table):
+            raise TomlError(
+                f"{source} gives {name!r} outside of a section: write it as in the "
                 "parameters.toml of a fit."
             )
-        for key, value in table.items():
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise DataError(
-                    f"{path} gives {section}.{key} = {value!r}: give a number."
-                )
-            values[f"{section}.{key}"] = float(value)
-    return values, light
+    clouds = {name: table for name, table in content.items() if "textures" in table}
+    values = {
+        f"{section}.{key}": NUMBER.check(value, f"{section}.{key}", source)
+        for section, table in content.items()
+        if section not in clouds
+        for key, value in table.items()
+    }
+    return FittedParameters(
+        source, values, light, classes_from(clouds, source) if clouds else None
+    )

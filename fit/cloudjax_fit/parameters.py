@@ -8,16 +8,18 @@ Levenberg-Marquardt treats all parameters alike.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from cloudjax import Scene
+from cloudjax import Scene, put
+
+
+# Of the range between the bounds: what rounding to float32 moves a bound by.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Parameter:
     **Fields:**
 
     - `name`: such as "low_stratus.threshold"; `unit`.
-    - `where`: the array of the scene that holds it, and `index` its place there.
+    - `path`: where it sits in the scene, see `cloudjax.parameters`.
     - `default`: where fits start and the middle of the prior.
     - `lower`, `upper`: bounds.
     - `spread`: standard deviation of the prior, a factor's logarithm where `log`.
@@ -36,22 +38,23 @@ class Parameter:
     """
 
     name: str
-    where: Callable[[Any], Array]
+    path: str
     default: float
     lower: float
     upper: float
     spread: float
     unit: str = ""
-    index: int | None = None
     log: bool = False
     free: bool = True
 
     def __post_init__(self):
-        if not self.lower < self.default < self.upper:
-            raise ValueError(
-                f"{self.name} = {self.default:g} is not between its bounds "
-                f"{self.lower:g} and {self.upper:g}"
-            )
+        if not self.allows(self.default):
+            raise ValueError(self._out_of_bounds(self.default))
+
+    def allows(self, value: float) -> bool:
+        """Tell whether a value is within the bounds, but for rounding; NaN is not."""
+        slack = _ROUNDING * (self.upper - self.lower)
+        return self.lower - slack <= value <= self.upper + slack
 
     def scaled(self, value):
         """The value on the parameter's own scale, where its prior is Gaussian."""
@@ -84,7 +87,15 @@ class Parameter:
     def _logit(self, value: float) -> float:
         low, high = self._ends
         share = ((math.log(value) if self.log else value) - low) / (high - low)
+        if not 0 < share < 1:
+            raise ValueError(self._out_of_bounds(value))
         return math.log(share / (1 - share))
+
+    def _out_of_bounds(self, value: float) -> str:
+        return (
+            f"{self.name} = {value:g} is not between its bounds {self.lower:g} and "
+            f"{self.upper:g}"
+        )
 
     @property
     def _ends(self) -> tuple[float, float]:
@@ -93,24 +104,11 @@ class Parameter:
         return self.lower, self.upper
 
 
-def put(scene: Scene, parameter: Parameter, value: Float[Array, ""]) -> Scene:
-    """The scene with one parameter changed."""
-
-    def changed(old):
-        value_like = jnp.asarray(value, old.dtype)
-        if parameter.index is None:
-            return value_like
-        return old.at[parameter.index].set(value_like)
-
-    return eqx.tree_at(parameter.where, scene, replace_fn=changed)
-
-
 def put_all(
     scene: Scene, parameters: Sequence[Parameter], values: Float[Array, " parameters"]
 ) -> Scene:
-    for i, parameter in enumerate(parameters):
-        scene = put(scene, parameter, values[i])
-    return scene
+    """Return the scene with all of these parameters changed."""
+    return put(scene, {p.path: values[i] for i, p in enumerate(parameters)})
 
 
 def values_of(

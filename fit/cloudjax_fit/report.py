@@ -10,7 +10,6 @@ import json
 import math
 import os
 import re
-import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,12 +19,14 @@ import jinja2
 import numpy as np
 from jaxtyping import Num
 
+from cloudjax_data.whole_files import write_text_whole
 from cloudjax_fit import figures
+from cloudjax_scenes.display import Display
 from cloudjax_scenes.quantity import RADIANCE, Quantity
 
 from .comparison import BandComparison, Comparison, comparison_json
 from .condensate import Condensate
-from .figures import Curve, Display, Stroke
+from .figures import Curve, Stroke
 from .histogram import Distances, Pixels, Quantiles, sample_of
 
 
@@ -126,7 +127,7 @@ def write_fit_report(path: str | os.PathLike[str], report: FitReport) -> None:
         fit=report,
         history=figures.history_figure(report.history) if report.history else None,
     )
-    write_atomically(path, _render(page))
+    write_text_whole(path, _render(page))
 
 
 def write_comparison(path: str | os.PathLike[str], comparison: Comparison) -> None:
@@ -142,25 +143,8 @@ def write_comparison(path: str | os.PathLike[str], comparison: Comparison) -> No
         versions=comparison.versions,
     )
     numbers = json.dumps(comparison_json(comparison), indent=2, allow_nan=False)
-    write_atomically(path, _render(page))
-    write_atomically(Path(path).with_suffix(".json"), numbers + "\n")
-
-
-def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Writes a file so that no reader, and no crash, ever sees half of it.
-
-    Makes the folder when it is absent. Text is encoded as UTF-8.
-    """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # In the same folder, because a rename is atomic only within one file system.
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
-    try:
-        data = content.encode() if isinstance(content, str) else content
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_text_whole(path, _render(page))
+    write_text_whole(Path(path).with_suffix(".json"), numbers + "\n")
 
 
 def format_number(number: Real | None, digits: int = 3) -> str:

@@ -79,15 +79,15 @@ class Solver:
         started = time.perf_counter()
         state = eqx.tree_at(lambda s: s.y_eval, self._start, z)
         losses: list[float] = []
-        told = _Facts(*map(jnp.asarray, (np.inf, np.inf, False, True)))
-        while told.sound and not told.ends and len(losses) < self._max_steps:
-            z, state, told = self._compiled(z, state, problem)
-            told = jax.device_get(told)
-            tried = float(told.tried_loss)
+        while True:
+            z, state, facts = self._compiled(z, state, problem)
+            facts = jax.device_get(facts)
             if self._on_step is not None:
-                self._on_step(len(losses), tried)
-            losses.append(tried)
-        converged, loss = bool(told.ends and told.sound), float(told.loss)
+                self._on_step(len(losses), float(facts.tried_loss))
+            losses.append(float(facts.tried_loss))
+            if facts.ends or not facts.sound or len(losses) >= self._max_steps:
+                break
+        converged, loss = bool(facts.ends and facts.sound), float(facts.loss)
         message = self._in_words(converged, len(losses))
         if not np.isfinite(loss):
             converged, message = False, "the residuals are not finite"

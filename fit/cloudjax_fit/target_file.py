@@ -2,20 +2,23 @@
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from cloudjax import Ellipsoid, FixedGrid
-from cloudjax_data import DataError
+from cloudjax import Band, Ellipsoid, FixedGrid
+from cloudjax.light.bands import PLANCK
+from cloudjax_data import DataError, earth_sun_distance_au
+from cloudjax_data.whole_files import staged
 from cloudjax_scenes.cloud_rule import CloudRule
+from cloudjax_scenes.imagery import Imagery
 from cloudjax_scenes.netcdf import write_netcdf
-from cloudjax_scenes.whole_files import staged
 
 from .histogram import Quantiles
-from .targets import BandTarget, Target
+from .targets import BandStatistics, Target
 
 
 _KIND = "cloudjax fit target"
@@ -29,7 +32,8 @@ def write_target(path: str | os.PathLike[str], target: Target) -> None:
     """
     path = Path(path)
     groups = {"/": _root(target)} | {
-        f"/{band.name}": _band_dataset(band) for band in target.bands.values()
+        f"/{band.name}": _band_dataset(target, number)
+        for number, band in target.imagery.bands.items()
     }
     with staged(path.parent) as folder:
         write_netcdf(folder / path.name, xr.DataTree.from_dict(groups))
@@ -51,10 +55,10 @@ def read_target(path: str | os.PathLike[str]) -> Target:
 
 
 def _root(target: Target) -> xr.Dataset:
-    grid = target.grid
+    imagery, grid = target.imagery, target.imagery.grid
     cells = ("latitude", "longitude")
-    fractions = np.stack(list(target.fractions.values())).astype(np.float32)
-    rule = dataclasses.asdict(target.rule)
+    fractions = np.stack(list(imagery.fractions.values())).astype(np.float32)
+    rule = dataclasses.asdict(imagery.rule)
     rule = {key: value for key, value in rule.items() if value is not None}
     return xr.Dataset(
         {
@@ -63,17 +67,22 @@ def _root(target: Target) -> xr.Dataset:
             "block_valid": ("block", _counts(target.block_valid)),
         },
         coords={
-            "cloud_class": list(target.fractions),
-            "latitude": ("latitude", target.latitude_deg, {"units": "degrees_north"}),
-            "longitude": ("longitude", target.longitude_deg, {"units": "degrees_east"}),
+            "cloud_class": list(imagery.fractions),
+            "latitude": ("latitude", imagery.latitude_deg, {"units": "degrees_north"}),
+            "longitude": (
+                "longitude",
+                imagery.longitude_deg,
+                {"units": "degrees_east"},
+            ),
             "x": ("x", grid.x_rad, {"units": "rad"}),
             "y": ("y", grid.y_rad, {"units": "rad"}),
         },
         attrs={
             "kind": _KIND,
-            "name": target.name,
-            "platform": target.platform,
-            "time": target.time.astimezone(UTC).isoformat(),
+            "name": imagery.name,
+            "platform": imagery.platform,
+            "time": imagery.time.astimezone(UTC).isoformat(),
+            "earth_sun_distance_au": imagery.earth_sun_distance_au,
             "blocks": np.array(target.blocks, np.int32),
             "subsatellite_longitude_deg": grid.subsatellite_longitude_deg,
             "perspective_height_m": grid.perspective_height_m,
@@ -85,15 +94,17 @@ def _root(target: Target) -> xr.Dataset:
     )
 
 
-def _band_dataset(band: BandTarget) -> xr.Dataset:
-    table = band.quantiles
+def _band_dataset(target: Target, number: int) -> xr.Dataset:
+    imagery, known = target.imagery, target.statistics[number]
+    band, table = imagery.bands[number], known.quantiles
+    solar = {"solar_irradiance": band.solar_irradiance} if band.sunlit else {}
     return xr.Dataset(
         {
             "quantile": ("probability", table.values.astype(np.float32)),
-            "block_counts": (("block", "bin"), _counts(band.block_counts)),
+            "block_counts": (("block", "bin"), _counts(known.block_counts)),
             "background": (
                 ("latitude", "longitude"),
-                band.background.astype(np.float32),
+                imagery.backgrounds[number].astype(np.float32),
             ),
         },
         coords={"probability": table.probabilities},
@@ -102,19 +113,34 @@ def _band_dataset(band: BandTarget) -> xr.Dataset:
             "wavelength_um": band.wavelength_um,
             "units": band.units,
             "n_pixels": table.count,
-            "low": band.low,
-            "high": band.high,
+            "low": known.low,
+            "high": known.high,
         }
-        | {f"coefficient_{key}": value for key, value in band.coefficients.items()},
+        | solar
+        | {f"coefficient_{k}": v for k, v in imagery.coefficients(number).items()},
     )
 
 
 def _target(tree: xr.DataTree) -> Target:
     a, root = tree.attrs, tree.dataset
+    groups = {int(g.attrs["band"]): g.dataset for g in tree.children.values()}
     return Target(
+        imagery=_imagery(a, root, groups),
+        statistics={number: _statistics(data) for number, data in groups.items()},
+        blocks=(int(a["blocks"][0]), int(a["blocks"][1])),
+        block_cloud=root["block_cloud"].to_numpy().astype(np.int64),
+        block_valid=root["block_valid"].to_numpy().astype(np.int64),
+    )
+
+
+def _imagery(a, root: xr.Dataset, groups: Mapping[int, xr.Dataset]) -> Imagery:
+    time = datetime.fromisoformat(a["time"])
+    # Absent from files of earlier versions.
+    distance_au = float(a.get("earth_sun_distance_au", earth_sun_distance_au(time)))
+    return Imagery(
         name=str(a["name"]),
         platform=str(a["platform"]),
-        time=datetime.fromisoformat(a["time"]),
+        time=time,
         grid=FixedGrid(
             x_rad=root["x"].to_numpy(),
             y_rad=root["y"].to_numpy(),
@@ -124,29 +150,40 @@ def _target(tree: xr.DataTree) -> Target:
             sweep=a["sweep"],
         ),
         rule=_rule(_prefixed(a, "rule_")),
-        bands={
-            int(group.attrs["band"]): _band(group.dataset)
-            for group in tree.children.values()
-        },
+        bands={n: _band(data.attrs, distance_au) for n, data in groups.items()},
+        earth_sun_distance_au=distance_au,
         latitude_deg=root["latitude"].to_numpy(),
         longitude_deg=root["longitude"].to_numpy(),
         fractions={
             str(name): root["fraction"].sel(cloud_class=name).to_numpy().astype(float)
             for name in root["cloud_class"].to_numpy()
         },
-        blocks=(int(a["blocks"][0]), int(a["blocks"][1])),
-        block_cloud=root["block_cloud"].to_numpy().astype(np.int64),
-        block_valid=root["block_valid"].to_numpy().astype(np.int64),
+        backgrounds={
+            n: data["background"].to_numpy().astype(float) for n, data in groups.items()
+        },
     )
 
 
-def _band(data: xr.Dataset) -> BandTarget:
-    a = data.attrs
-    return BandTarget(
+def _band(a, distance_au: float) -> Band:
+    coefficients = {k: float(v) for k, v in _prefixed(a, "coefficient_").items()}
+    planck = None
+    if PLANCK[0] in coefficients:
+        fk1, fk2, bc1, bc2 = (coefficients[key] for key in PLANCK)
+        planck = fk1, fk2, bc1, bc2
+    solar = a.get("solar_irradiance")
+    if solar is None and "kappa0" in coefficients:
+        solar = np.pi * distance_au**2 / coefficients["kappa0"]
+    return Band(
         number=int(a["band"]),
         wavelength_um=float(a["wavelength_um"]),
-        units=str(a["units"]),
-        coefficients={k: float(v) for k, v in _prefixed(a, "coefficient_").items()},
+        solar_irradiance=None if solar is None else float(solar),
+        planck=planck,
+    )
+
+
+def _statistics(data: xr.Dataset) -> BandStatistics:
+    a = data.attrs
+    return BandStatistics(
         quantiles=Quantiles(
             data["probability"].to_numpy(),
             data["quantile"].to_numpy().astype(float),
@@ -155,7 +192,6 @@ def _band(data: xr.Dataset) -> BandTarget:
         low=float(a["low"]),
         high=float(a["high"]),
         block_counts=data["block_counts"].to_numpy().astype(np.int64),
-        background=data["background"].to_numpy().astype(float),
     )
 
 

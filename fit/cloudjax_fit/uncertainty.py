@@ -110,7 +110,7 @@ def _sandwich(jacobian, noise) -> Float[np.ndarray, "parameters parameters"]:
 def _noise(problem, target, z, seed) -> Float[np.ndarray, "residuals residuals"]:
     """Covariance of all residuals; those of the priors are independent and 1."""
     observed = np.concatenate(
-        [_per_block(target.bands[n].block_counts) for n in problem.scene.bands]
+        [_per_block(target.statistics[n].block_counts) for n in problem.scene.bands]
     )
     rng = np.random.default_rng(seed)
     data = _bootstrap(observed, target.block_cloud, target.block_valid, rng)
@@ -133,7 +133,7 @@ def _simulated_blocks(problem: Problem, target: Target, z):
     count = len(problem.block_fraction)
     rows = []
     for number, radiance in zip(problem.scene.bands, np.asarray(seen), strict=True):
-        band = target.bands[number]
+        band = target.statistics[number]
         bins = np.linspace(band.low, band.high, band.block_counts.shape[1] + 1)
         inside = np.clip(radiance, band.low, band.high)
         edges = [np.arange(count + 1) - 0.5, bins]

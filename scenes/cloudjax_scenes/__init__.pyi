@@ -1,7 +1,12 @@
 from .cloud_rule import CloudRule as CloudRule
-from .sensor_band import SensorBand as SensorBand
-from .sensor_band import nominal_bands as nominal_bands
+from .imagery import Imagery as Imagery
+from .imagery_reduction import reduce_scene as reduce_scene
+from .imagery_scene import SceneFromImagery as SceneFromImagery
+from .lights import LIGHTS as LIGHTS
+from .lights import Light as Light
 from .sensors import Sensor as Sensor
 from .sensors import read_sensor as read_sensor
+from .simulated_image import SimulatedImage as SimulatedImage
+from .simulated_image import simulate_image as simulate_image
 from .surface import Surface as Surface
 from .weather_analysis import Analysis as Analysis

@@ -1,75 +1,58 @@
 """Temperature and humidity of the air above any place, from a weather analysis."""
 
-import functools as ft
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax import LatLonGrid
+from cloudjax import LatLonGrid, ProfileGrid
 from cloudjax.air.atmosphere import temperature_k
 from cloudjax.air.gases import LEVELS_M, standard_humidity
 from cloudjax_data import WeatherCube, specific_humidity
 
 
-Profiles = tuple[Float[np.ndarray, "points levels"], Float[np.ndarray, "points levels"]]
-
-
-@dataclass(frozen=True, eq=False)
-class AirProfile:
-    """Of an analysis on latitudes and longitudes, at `cloudjax.gases.LEVELS_M`.
+def profiles_of(cube: WeatherCube) -> ProfileGrid:
+    """Make the profiles of an analysis on latitudes and longitudes.
 
     Below the ground the first air above it, above the highest level the US standard
     atmosphere; NaN outside of a map.
     """
-
-    cube: WeatherCube
-
-    def __call__(
-        self,
-        latitude_deg: Float[np.ndarray, " points"],
-        longitude_deg: Float[np.ndarray, " points"],
-    ) -> Profiles:
-        """Temperature in kelvin and specific humidity, bilinear."""
-        nodes, grid = self._nodes
-        both = np.asarray(grid.sample(nodes, latitude_deg, longitude_deg))
-        kelvin, humidity = np.split(both, 2, axis=-1)
-        return kelvin, humidity
-
-    def mean(
-        self,
-        latitude_deg: Float[np.ndarray, " points"],
-        longitude_deg: Float[np.ndarray, " points"],
-    ) -> tuple[Float[np.ndarray, " levels"], Float[np.ndarray, " levels"]]:
-        """Over those of these places that the analysis covers."""
-        kelvin, humidity = self(latitude_deg, longitude_deg)
-        known = np.isfinite(kelvin).all(axis=-1)
-        if not known.any():
-            return np.asarray(temperature_k(LEVELS_M), float), standard_humidity()
-        return kelvin[known].mean(axis=0), humidity[known].mean(axis=0)
-
-    @ft.cached_property
-    def _nodes(self) -> tuple[Float[np.ndarray, "lat lon both"], LatLonGrid]:
-        data = self.cube.data
-        humidity = specific_humidity(
-            data["r"].to_numpy(),
-            data["t"].to_numpy(),
-            data["level"].to_numpy()[:, None, None],
+    data = cube.data
+    humidity = specific_humidity(
+        data["r"].to_numpy(),
+        data["t"].to_numpy(),
+        data["level"].to_numpy()[:, None, None],
+    )
+    kept = [name for name in ("gh", "t", "orog") if name in data]
+    moist = data[kept].assign(q=(data["t"].dims, humidity))
+    moister = replace(cube, data=moist)
+    levels = [moister.at_altitude(float(z)) for z in LEVELS_M]
+    fields = [
+        _filled(np.stack([at[name].to_numpy() for at in levels], axis=-1), top)
+        for name, top in (
+            ("t", np.asarray(temperature_k(LEVELS_M))),
+            ("q", standard_humidity()),
         )
-        kept = [name for name in ("gh", "t", "orog") if name in data]
-        moist = data[kept].assign(q=(data["t"].dims, humidity))
-        cube = replace(self.cube, data=moist)
-        levels = [cube.at_altitude(float(z)) for z in LEVELS_M]
-        fields = [
-            _filled(np.stack([at[name].to_numpy() for at in levels], axis=-1), top)
-            for name, top in (
-                ("t", np.asarray(temperature_k(LEVELS_M))),
-                ("q", standard_humidity()),
-            )
-        ]
-        axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
-        both = np.concatenate(fields, axis=-1).astype(np.float32)
-        return both, LatLonGrid.from_axes(*axes)
+    ]
+    axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
+    kelvin, q = (field.astype(np.float32) for field in fields)
+    return ProfileGrid(kelvin, q, LatLonGrid.from_axes(*axes))
+
+
+def mean_profile(
+    profiles: ProfileGrid,
+    latitude_deg: Float[np.ndarray, " points"],
+    longitude_deg: Float[np.ndarray, " points"],
+) -> tuple[Float[np.ndarray, " levels"], Float[np.ndarray, " levels"]]:
+    """Average over those of the places that the profiles cover.
+
+    The US standard atmosphere where they cover none.
+    """
+    kelvin, humidity = profiles(latitude_deg, longitude_deg)
+    known = np.isfinite(kelvin).all(axis=-1)
+    if not known.any():
+        return np.asarray(temperature_k(LEVELS_M), float), standard_humidity()
+    return kelvin[known].mean(axis=0), humidity[known].mean(axis=0)
 
 
 def _filled(

@@ -10,14 +10,12 @@ import xarray as xr
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from cloudjax import Band
 from cloudjax_data import DataError, EmissiveCalibration
-from cloudjax_fit.figures import BRIGHTNESS_TEMPERATURE as DISPLAY_TEMPERATURE
-from cloudjax_fit.figures import REFLECTANCE as DISPLAY_REFLECTANCE
-from cloudjax_fit.figures import Display
-from cloudjax_fit.targets import BandTarget
 
+from . import display
+from .display import Display
 from .quantity import ALL, BRIGHTNESS_TEMPERATURE, QUANTITIES, REFLECTANCE, Quantity
-from .sensor_band import SensorBand
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +28,7 @@ class BandImage:
     - `radiance`: in `band.units`.
     """
 
-    band: BandTarget | SensorBand
+    band: Band
     coefficients: Mapping[str, float]
     radiance: Float[np.ndarray, "*pixels"]
 
@@ -46,7 +44,9 @@ class BandImage:
 
     @property
     def display(self) -> Display:
-        return DISPLAY_REFLECTANCE if self.band.reflective else DISPLAY_TEMPERATURE
+        if self.band.reflective:
+            return display.REFLECTANCE
+        return display.BRIGHTNESS_TEMPERATURE
 
     @property
     def shown(self) -> Float[np.ndarray, "*pixels"]:
@@ -87,7 +87,7 @@ class BandImage:
 
 
 def chosen_quantities(
-    names: Sequence[str], bands: Iterable[BandTarget | SensorBand]
+    names: Sequence[str], bands: Iterable[Band]
 ) -> tuple[Quantity, ...]:
     """The quantities of these names that some band has; `ALL` names all.
 
@@ -125,26 +125,26 @@ def write_band_picture(
     figure = Figure(figsize=size, layout="compressed")
     panels = figure.subplots(1, len(images), squeeze=False)[0]
     for axes, image in zip(panels, images, strict=True):
-        display, values = image.display, image.shown
-        shades = matplotlib.colormaps[display.colormap].with_extremes(bad=missing)
-        low, high = _shade_range(values, display)
+        how, values = image.display, image.shown
+        shades = matplotlib.colormaps[how.colormap].with_extremes(bad=missing)
+        low, high = _shade_range(values, how)
         drawn = axes.imshow(values, cmap=shades, vmin=low, vmax=high)
         axes.set_title(image.title, fontsize=10)
         axes.set_xticks([])
         axes.set_yticks([])
-        figure.colorbar(drawn, ax=axes, label=display.label, fraction=0.046, pad=0.02)
+        figure.colorbar(drawn, ax=axes, label=how.label, fraction=0.046, pad=0.02)
     figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=130, bbox_inches="tight", metadata={"Software": None})
 
 
-def _quantities_of(band: BandTarget | SensorBand) -> tuple[Quantity, ...]:
+def _quantities_of(band: Band) -> tuple[Quantity, ...]:
     shown = REFLECTANCE if band.reflective else BRIGHTNESS_TEMPERATURE
     return QUANTITIES["radiance"], shown
 
 
-def _shade_range(values, display: Display) -> tuple[float, float]:
+def _shade_range(values, how: Display) -> tuple[float, float]:
     known = values[np.isfinite(values)]
     if not known.size:
         return 0.0, 1.0
     low, high = np.percentile(known, [0.5, 99.5])
-    return (low, high) if display.thermal else (0.0, max(high, 0.05))
+    return (low, high) if how.thermal else (0.0, max(high, 0.05))

@@ -6,9 +6,10 @@ import numpy as np
 
 from cloudjax.geometry.geodesy import up
 from cloudjax_data import AbiBand, sun_direction
-from cloudjax_fit.observation import LOWEST_SUN_DEG, navigation_grid
 
 
+# Below this height of the sun the reflective bands tell nothing of cloud.
+LOWEST_SUN_DEG = 5.0
 # Along each axis: the sun is smooth, and a megapixel takes a second.
 _POINTS = 50
 
@@ -18,7 +19,7 @@ def sun_heights_deg(band: AbiBand) -> tuple[float, float]:
 
     Below the horizon is negative; NaN if no pixel sees the Earth.
     """
-    grid = navigation_grid(band)
+    grid = band.grid
     thin = replace(grid, x_rad=_thinned(grid.x_rad), y_rad=_thinned(grid.y_rad))
     ground, hit = thin.rays().ground(grid.ellipsoid)
     if not hit.any():

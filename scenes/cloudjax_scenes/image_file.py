@@ -8,21 +8,20 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-import cloudjax_data
-from cloudjax import FixedGrid
+import cloudjax
 from cloudjax_data import GRID_MAPPING, fixed_grid_coordinates
-from cloudjax_fit.fitting import SimulatedImage, versions
-from cloudjax_fit.targets import Target
+from cloudjax_data.whole_files import staged
 
 from .band_image import BandImage, write_band_picture
+from .imagery import Imagery
 from .netcdf import write_netcdf
 from .quantity import RADIANCE, Quantity
-from .whole_files import staged
+from .simulated_image import SimulatedImage
 
 
 def image_dataset(
     image: SimulatedImage,
-    target: Target,
+    imagery: Imagery,
     parameters: Mapping[str, float],
     seed: int,
     quantities: Sequence[Quantity] = (RADIANCE,),
@@ -33,16 +32,16 @@ def image_dataset(
 
     **Arguments:** `shadows`: the steps of its shadows.
     """
-    coordinates = fixed_grid_coordinates(data_grid(target.grid))
+    coordinates = fixed_grid_coordinates(imagery.grid)
     # Not "t", as in ABI files: xarray would take it for a part of the name of the grid
     # mapping and read it back as a data variable.
     coordinates["time"] = xr.DataArray(
-        np.datetime64(target.time.replace(tzinfo=None), "ns"),
+        np.datetime64(imagery.time.replace(tzinfo=None), "ns"),
         attrs={"standard_name": "time", "long_name": "middle of the scan, UTC"},
     )
     variables = {
         name: array
-        for each in band_images(image, target)
+        for each in band_images(image, imagery)
         for name, array in each.variables(quantities).items()
     }
     for array in variables.values():
@@ -53,10 +52,10 @@ def image_dataset(
         attrs={
             "Conventions": "CF-1.8",
             "title": "Simulated ABI radiances",
-            "source": f"cloudjax {versions()['cloudjax']}",
-            "platform_ID": target.platform,
-            "scene": target.name,
-            "cloud_rule": str(target.rule),
+            "source": f"cloudjax {cloudjax.__version__}",
+            "platform_ID": imagery.platform,
+            "scene": imagery.name,
+            "cloud_rule": str(imagery.rule),
             "parameters": json.dumps(dict(parameters)),
             "seed": seed,
             "shadow_steps": shadows,
@@ -67,7 +66,7 @@ def image_dataset(
 def write_image_and_picture(
     path: str | os.PathLike[str],
     image: SimulatedImage,
-    target: Target,
+    imagery: Imagery,
     parameters: Mapping[str, float],
     seed: int,
     quantities: Sequence[Quantity] = (RADIANCE,),
@@ -82,22 +81,22 @@ def write_image_and_picture(
     with staged(path.parent, last=path.name) as aside:
         write_band_picture(
             aside / path.with_suffix(".png").name,
-            band_images(image, target),
-            f"{target.platform} {target.time:%Y-%m-%d %H:%M:%S} UTC, simulated",
+            band_images(image, imagery),
+            f"{imagery.platform} {imagery.time:%Y-%m-%d %H:%M:%S} UTC, simulated",
             panel_inches=4.6,
             missing="#dbe6f2",
         )
         data = image_dataset(
-            image, target, parameters, seed, quantities, shadows=shadows
+            image, imagery, parameters, seed, quantities, shadows=shadows
         )
         write_netcdf(aside / path.name, data)
 
 
-def band_images(image: SimulatedImage, target: Target) -> list[BandImage]:
+def band_images(image: SimulatedImage, imagery: Imagery) -> list[BandImage]:
     """The radiances of each band, in the order of their numbers."""
     return [
         BandImage(
-            target.bands[number], target.bands[number].coefficients, image.band(number)
+            imagery.bands[number], imagery.coefficients(number), image.band(number)
         )
         for number in sorted(image.bands)
     ]
@@ -114,16 +113,3 @@ def _cloud_weight(image: SimulatedImage) -> xr.DataArray:
     )
     array.encoding["grid_mapping"] = GRID_MAPPING
     return array
-
-
-def data_grid(grid: FixedGrid) -> cloudjax_data.FixedGrid:
-    """The renderer's fixed grid as that of the files."""
-    return cloudjax_data.FixedGrid(
-        x_rad=np.asarray(grid.x_rad, np.float64),
-        y_rad=np.asarray(grid.y_rad, np.float64),
-        subsatellite_longitude_deg=grid.subsatellite_longitude_deg,
-        perspective_height_m=grid.perspective_height_m,
-        semi_major_axis_m=grid.ellipsoid.semi_major_m,
-        semi_minor_axis_m=grid.ellipsoid.semi_minor_m,
-        sweep=grid.sweep,
-    )

@@ -13,16 +13,15 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
-from cloudjax import FixedGrid, Weather
+from cloudjax import Band, FixedGrid
+from cloudjax_data.whole_files import staged
 
 from .band_image import BandImage
-from .netcdf import write_netcdf
+from .netcdf import disk_errors, write_netcdf
 from .quantity import RADIANCE, Quantity
-from .sensor_band import SensorBand
 from .sensor_image import SensorImage, render_sensor, sensor_dataset, write_picture
 from .sensors import Sensor
-from .weather_scene import World
-from .whole_files import staged
+from .weather_scene import Winds, World
 
 
 # Some 600 MB with the rays of all pixels in float64.
@@ -50,9 +49,9 @@ def strips(sensor: Sensor, pixels: int = PIXELS_AT_ONCE) -> list[Sensor]:
 def render_strips(
     world: World,
     sensor: Sensor,
-    bands: list[SensorBand],
+    bands: list[Band],
     time: datetime,
-    weather: Weather | None = None,
+    winds: Winds | None = None,
     *,
     resolution: int = 128,
     pixels: int = PIXELS_AT_ONCE,
@@ -62,7 +61,7 @@ def render_strips(
 
     `on_tile` is called with numbers of pixels.
     """
-    weather = world.weather(time) if weather is None else weather
+    winds = world.winds(time) if winds is None else winds
     every, above = np.prod(sensor.view.shape), 0
     for strip in strips(sensor, pixels):
         size = np.prod(strip.view.shape)
@@ -72,7 +71,7 @@ def render_strips(
                 on_tile(int(above + size * done / count), int(every))
 
         yield render_sensor(
-            world, strip, bands, time, weather, resolution=resolution, on_tile=in_strip
+            world, strip, bands, time, winds, resolution=resolution, on_tile=in_strip
         )
         above += size
     if on_tile is not None:
@@ -117,15 +116,11 @@ def _begin(file: Path, strip: xr.Dataset) -> None:
 
 
 def _append(file: Path, strip: xr.Dataset) -> None:
-    try:
-        with netCDF4.Dataset(file, "a") as whole:
-            start = len(whole.dimensions["y"])
-            for name, variable in strip.variables.items():
-                if "y" in variable.dims:
-                    whole[str(name)][start:] = variable.to_numpy()
-    # The netCDF library's word for a full disk.
-    except RuntimeError as error:
-        raise OSError(str(error)) from error
+    with disk_errors(), netCDF4.Dataset(file, "a") as whole:
+        start = len(whole.dimensions["y"])
+        for name, variable in strip.variables.items():
+            if "y" in variable.dims:
+                whole[str(name)][start:] = variable.to_numpy()
 
 
 def _thinned(band: BandImage) -> BandImage:

@@ -1,5 +1,7 @@
 """Compressed netCDF4 files through xarray."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import xarray as xr
@@ -15,8 +17,14 @@ def write_netcdf(path: Path, data: xr.Dataset | xr.DataTree) -> None:
         for variable in group.variables.values():
             if variable.ndim and variable.dtype.kind in "fiu":
                 variable.encoding |= {"zlib": True, "complevel": 9, "shuffle": True}
-    try:
+    with disk_errors():
         data.to_netcdf(path, engine="netcdf4", format="NETCDF4")
-    # The netCDF library's word for a full disk.
+
+
+@contextmanager
+def disk_errors() -> Iterator[None]:
+    """Raise `OSError` for `RuntimeError`, the netCDF library's word for a full disk."""
+    try:
+        yield
     except RuntimeError as error:
         raise OSError(str(error)) from error

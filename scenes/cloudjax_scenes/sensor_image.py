@@ -9,7 +9,15 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
 
-from cloudjax import BandRadiances, CloudProducts, FixedGrid, Scene, Weather, render
+import cloudjax
+from cloudjax import (
+    Band,
+    BandRadiances,
+    CloudProducts,
+    FixedGrid,
+    Scene,
+    render,
+)
 from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.rays import GroundPoints
 from cloudjax_data import (
@@ -18,15 +26,11 @@ from cloudjax_data import (
     fixed_grid_coordinates,
     sun_direction,
 )
-from cloudjax_fit.fitted_scene import LIGHTS
-from cloudjax_fit.fitting import versions
 
 from .band_image import BandImage, write_band_picture
-from .image_file import data_grid
 from .quantity import RADIANCE, Quantity
-from .sensor_band import SensorBand
 from .sensors import Sensor
-from .weather_scene import World
+from .weather_scene import Winds, World
 
 
 # Sine of the sun's height: at 6 degrees below the horizon clouds are dark as well.
@@ -77,9 +81,9 @@ class SensorImage:
 def render_sensor(
     world: World,
     sensor: Sensor,
-    bands: list[SensorBand],
+    bands: list[Band],
     time: datetime,
-    weather: Weather | None = None,
+    winds: Winds | None = None,
     *,
     resolution: int = 128,
     on_tile: Callable[[int, int], None] | None = None,
@@ -88,7 +92,7 @@ def render_sensor(
 
     **Arguments:**
 
-    - `weather`: of that time, where it is at hand; else the world's.
+    - `winds`: how they have drawn the clouds, where that is at hand; else the world's.
     - `resolution`: voxels per axis of the textures.
     - `on_tile`: called with the numbers of rays done and of all.
 
@@ -97,8 +101,7 @@ def render_sensor(
     world.require_resolution(resolution)
     view, sun = sensor.view, sun_direction(time)
     ground, hit = view.rays().ground()
-    day, distance_au = _is_day(ground, hit, sun), earth_sun_distance_au(time)
-    scene = world.scene(bands, distance_au, day=day)
+    scene = world.scene(bands, time, winds, day=_is_day(ground, hit, sun))
     # A fixed grid has much of space, a camera the limb and the sky with their clouds.
     spared = isinstance(view, FixedGrid) and hit.any()
     pixels = np.flatnonzero(hit) if spared else np.arange(hit.size)
@@ -106,8 +109,6 @@ def render_sensor(
         scene,
         lambda index: view.rays(pixels[index]),
         sun,
-        lambda index: world.background(scene, view.rays(pixels[index]), time),
-        world.weather(time) if weather is None else weather,
         rays=len(pixels),
         resolution=resolution,
         with_products=True,
@@ -122,7 +123,7 @@ def render_sensor(
         radiance=_radiance(scene, image.radiances, hit[pixels] | cloudy, whole),
         latitude_deg=np.where(hit, ground.latitude_deg, np.nan).reshape(view.shape),
         longitude_deg=np.where(hit, ground.longitude_deg, np.nan).reshape(view.shape),
-        **_cloud_fields(image.clouds, cloudy, LIGHTS[world.light].share, whole),
+        **_cloud_fields(image.clouds, cloudy, world.strategy.share, whole),
         class_names=tuple(world.classes),
     )
 
@@ -190,7 +191,7 @@ def sensor_dataset(
         attrs={
             "Conventions": "CF-1.8",
             "title": "Simulated radiances and clouds",
-            "source": f"cloudjax {versions()['cloudjax']}",
+            "source": f"cloudjax {cloudjax.__version__}",
             "sensor": image.sensor.name,
             "platform": image.sensor.platform,
             "weather": ", ".join(cube.path.name for cube in world.series.cubes),
@@ -205,7 +206,7 @@ def sensor_dataset(
 def _coordinates(image: SensorImage) -> dict[str, xr.DataArray]:
     view = image.sensor.view
     if isinstance(view, FixedGrid):
-        coordinates = fixed_grid_coordinates(data_grid(view))
+        coordinates = fixed_grid_coordinates(view)
     else:
         coordinates = {
             axis: xr.DataArray(np.arange(n), dims=axis, attrs={"units": "1"})

@@ -14,10 +14,12 @@ from typing import Any
 
 from cloudjax import Camera, FixedGrid
 from cloudjax.geometry.fixed_grid import FULL_DISC_PIXELS, GOES_EAST_DEG
+from cloudjax.light.bands import Band, nominal_bands
+from cloudjax.toml_table import LIST, NUMBER, TEXT, WHOLE, TomlError, checked, read_toml
 from cloudjax_data import DataError
 
-from .sensor_band import SensorBand, bands_from, nominal_bands
-from .toml_table import LIST, NUMBER, TEXT, WHOLE, checked, read_toml
+from .data_errors import data_errors
+from .sensor_bands import bands_from
 
 
 SECTORS = ("fulldisk", "conus", "meso")
@@ -60,9 +62,9 @@ class Sensor:
     name: str
     platform: str
     view: FixedGrid | Camera
-    bands: Mapping[int, SensorBand]
+    bands: Mapping[int, Band]
 
-    def choose(self, numbers: Sequence[int] | None) -> list[SensorBand]:
+    def choose(self, numbers: Sequence[int] | None) -> list[Band]:
         """Its bands of these numbers, or all.
 
         **Raises:** `DataError` for one that it lacks.
@@ -76,6 +78,7 @@ class Sensor:
         return [self.bands[n] for n in numbers or self.bands]
 
 
+@data_errors()
 def read_sensor(
     name_or_path: str | os.PathLike[str],
     *,
@@ -136,6 +139,8 @@ def _sensor(table: Mapping[str, Any], source: str) -> Sensor:
     make = _abi_view if kind == "abi" else _camera_view
     try:
         view = make(rest, source)
+    except TomlError:
+        raise
     except ValueError as error:
         raise DataError(f"{source}: {error}") from error
     bands = bands_from(table["bands"], source) if "bands" in table else nominal_bands()

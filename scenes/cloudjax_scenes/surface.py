@@ -20,12 +20,13 @@ the solar zenith angle.
 import functools as ft
 import importlib.resources
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax import LatLonGrid
+from cloudjax.geometry.latlon_grid import LatLonGrid
+from cloudjax.geometry.path import device_array
+from cloudjax.light.ground import AbstractMappedGround, GroundSamples, Lambertian
 from cloudjax.light.optics import LAST_SUNLIT_BAND
 from cloudjax_data import WeatherCube
 
@@ -46,54 +47,87 @@ _CELL_DEG = 0.1
 _LEVELS = 15
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """Ground and sea.
+class Surface(AbstractMappedGround):
+    """Ground and sea of a table of land, as warm as the weather says.
 
-    **Fields:** `cube`: the weather, whose temperatures it has; without, it is at
-    288.15 K everywhere.
+    **Fields:**
+
+    - `land_share`: 0 at sea, 1 on land, at the nodes of `land_grid`.
+    - `skin_k`: temperature of the skin at the nodes of `weather_grid`.
+    - `height_m`: of the ground above sea level, there too.
     """
 
-    cube: WeatherCube | None = None
+    land_share: Float[np.ndarray, "rows columns"]
+    land_grid: LatLonGrid
+    skin_k: Float[np.ndarray, "lat lon"]
+    height_m: Float[np.ndarray, "lat lon"]
+    weather_grid: LatLonGrid
 
-    def land_share(
+    @classmethod
+    def of(cls, cube: WeatherCube | None = None) -> "Surface":
+        """Make it from weather; without, it is at 288.15 K everywhere, at sea level.
+
+        The temperature is that of the skin where the weather has it, else of the lowest
+        air above ground, brought down by 6.5 K/km; beyond a regional analysis the mean
+        of what it has.
+        """
+        share, land_grid = _land_share()
+        if cube is None:
+            grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.arange(0, 360, 120))
+            kelvin = np.full(grid.shape, STANDARD_K)
+            return cls(share, land_grid, kelvin, np.zeros(grid.shape), grid)
+        data = cube.regular(0.25).data
+        axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
+        kelvin = _skin(data)
+        height = np.zeros(kelvin.shape)
+        if "orog" in data:
+            height = np.nan_to_num(data["orog"].to_numpy().astype(np.float64))
+        return cls(share, land_grid, kelvin, height, LatLonGrid.from_axes(*axes))
+
+    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+        """Read what the ground is like at the places."""
+        place = places.latitude_deg, places.longitude_deg
+        albedo = emissivity = None
+        if reflective is not None:
+            albedo = device_array(self.reflectance(reflective.numbers, *place).T)
+        if emissive is not None:
+            emissivity = device_array(self.emissivity(emissive.numbers, *place).T)
+        kelvin = device_array(self.temperature_k(*place))
+        return GroundSamples.of(
+            places,
+            hit,
+            sun_direction,
+            self.altitude_m(*place),
+            Lambertian(albedo, emissivity, kelvin),
+        )
+
+    def land_at(
         self,
         latitude_deg: Float[np.ndarray, " points"],
         longitude_deg: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, " points"]:
-        """0 at sea, 1 on land; between them within 11 km of a coast. Lakes are land."""
-        nodes, grid = _land_share()
-        return np.asarray(grid.sample(nodes, latitude_deg, longitude_deg))[..., 0]
+        """Interpolate the share of land; between 0 and 1 within 11 km of a coast.
+
+        Lakes are land.
+        """
+        return _read(self.land_share, self.land_grid, latitude_deg, longitude_deg)
 
     def temperature_k(
         self,
         latitude_deg: Float[np.ndarray, " points"],
         longitude_deg: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, " points"]:
-        """Of the skin where the weather has it, else of the lowest air above ground.
-
-        The air's is brought to the ground by 6.5 K/km. Bilinear; beyond a regional
-        analysis the mean of what it has.
-        """
-        if self.cube is None:
-            return np.full(latitude_deg.shape, STANDARD_K)
-        nodes, grid = self._temperature
-        return np.asarray(grid.sample(nodes, latitude_deg, longitude_deg))[..., 0]
+        """Interpolate the temperature of the skin, bilinear."""
+        return _read(self.skin_k, self.weather_grid, latitude_deg, longitude_deg)
 
     def altitude_m(
         self,
         latitude_deg: Float[np.ndarray, " points"],
         longitude_deg: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, " points"]:
-        """Of the ground above sea level; 0 where the weather does not say."""
-        if self.cube is None or "orog" not in self.cube.data:
-            return np.zeros(latitude_deg.shape)
-        data = self.cube.regular(0.25).data
-        ground = np.nan_to_num(data["orog"].to_numpy().astype(np.float64))
-        axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
-        grid = LatLonGrid.from_axes(*axes)
-        found = grid.sample(ground[..., None], latitude_deg, longitude_deg)[..., 0]
-        return np.maximum(np.asarray(found), 0.0)
+        """Interpolate the altitude of the ground; 0 where the weather does not say."""
+        found = _read(self.height_m, self.weather_grid, latitude_deg, longitude_deg)
+        return np.maximum(found, 0.0)
 
     def reflectance(
         self,
@@ -101,8 +135,8 @@ class Surface:
         latitude_deg: Float[np.ndarray, " points"],
         longitude_deg: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, "bands points"]:
-        """Lambertian albedo in bands that see the sun, by number from 1 to 7."""
-        land = self.land_share(latitude_deg, longitude_deg)
+        """Give the Lambertian albedo in bands that see the sun, numbers 1 to 7."""
+        land = self.land_at(latitude_deg, longitude_deg)
         cold, warm = SNOW_K
         temperature = self.temperature_k(latitude_deg, longitude_deg)
         snow = np.clip((warm - temperature) / (warm - cold), 0, 1)
@@ -120,25 +154,26 @@ class Surface:
         latitude_deg: Float[np.ndarray, " points"],
         longitude_deg: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, "bands points"]:
-        """One less the albedo at 3.9 µm, one beyond, by number from 7 to 16."""
+        """Give one less the albedo at 3.9 µm and one beyond, numbers 7 to 16."""
         rows = np.ones((len(bands), len(latitude_deg)))
         for row, band in zip(rows, bands, strict=True):
             if band == LAST_SUNLIT_BAND:
                 row -= self.reflectance([band], latitude_deg, longitude_deg)[0]
         return rows
 
-    @ft.cached_property
-    def _temperature(self) -> tuple[np.ndarray, LatLonGrid]:
-        assert self.cube is not None
-        data = self.cube.regular(0.25).data
-        if "t_surface" in data:
-            field = data["t_surface"].to_numpy()
-        else:
-            field = _air_at_ground(data)
-        field = field.astype(np.float64)
-        field = np.where(np.isfinite(field), field, np.nanmean(field))
-        axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
-        return field[..., None], LatLonGrid.from_axes(*axes)
+
+def _read(nodes, grid: LatLonGrid, latitude_deg, longitude_deg):
+    found = grid.sample(np.asarray(nodes)[..., None], latitude_deg, longitude_deg)
+    return np.asarray(found)[..., 0]
+
+
+def _skin(data) -> Float[np.ndarray, "lat lon"]:
+    if "t_surface" in data:
+        field = data["t_surface"].to_numpy()
+    else:
+        field = _air_at_ground(data)
+    field = field.astype(np.float64)
+    return np.where(np.isfinite(field), field, np.nanmean(field))
 
 
 def _air_at_ground(data) -> Float[np.ndarray, "lat lon"]:
@@ -161,4 +196,4 @@ def _land_share() -> tuple[np.ndarray, LatLonGrid]:
         _CELL_DEG * (np.arange(rows) + 0.5) - 90,
         _CELL_DEG * (np.arange(columns) + 0.5) - 180,
     )
-    return (level / np.float32(_LEVELS)).astype(np.float32)[..., None], grid
+    return (level / np.float32(_LEVELS)).astype(np.float32), grid

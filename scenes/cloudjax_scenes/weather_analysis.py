@@ -1,6 +1,7 @@
 """What a weather analysis gives a scene: winds, temperatures, and where clouds are."""
 
 import functools as ft
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
@@ -9,51 +10,58 @@ import numpy as np
 from jaxtyping import Float
 
 from cloudjax import (
+    CloudClass,
     Conditions,
     LatLonGrid,
-    Scene,
     TemperatureProfile,
     cloud_classes,
     cloud_fraction,
 )
 from cloudjax.air.gases import LEVELS_M
+from cloudjax.geometry.geodesy import MEAN_RADIUS_M
 from cloudjax.weather.advection import DisplacementMap, Wind, displacement_map
 from cloudjax_data import WeatherCube, WeatherSeries, check_altitude
-from cloudjax_fit.targets import Target
 
-from .air_profile import AirProfile
+from .air_profile import mean_profile, profiles_of
+from .imagery import Imagery
 
 
-EARTH_RADIUS_M = 6371e3
-# Between the 2 and 20 hours that the paper stretches its clouds for.
-DISPLACEMENT_HOURS = 6.0
+MAP_STEP_DEG = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
     """A weather analysis, ready for a scene.
 
-    **Fields:** `cube`: the fields. `hours`: how long the wind has drawn the textures.
+    **Fields:** `cube`: the fields.
     """
 
     cube: WeatherCube
-    hours: float = DISPLACEMENT_HOURS
 
-    def displacements(self, scene: Scene) -> list[DisplacementMap | None]:
-        """For each layer the map of the wind at its sampling altitude.
+    def displacements(
+        self, classes: Sequence[CloudClass]
+    ) -> list[list[DisplacementMap | None]]:
+        """Find the maps of the wind for the textures of each class.
 
         None for a regional analysis: the air of a few hours ago is outside of it.
         """
-        if not self.cube.is_global:
-            return [None] * len(scene.layers)
-        return list(_displacements(self, tuple(layer.name for layer in scene.layers)))
+        return [
+            [self._map(one, t.displacement_hours) for t in one.textures]
+            for one in classes
+        ]
+
+    def _map(self, one: CloudClass, hours: float) -> DisplacementMap | None:
+        if not self.cube.is_global or hours == 0:
+            return None
+        return _displacement(self, float(one.conditions.sampling_altitude_m), hours)
 
     def air(
-        self, target: Target
+        self, imagery: Imagery
     ) -> tuple[TemperatureProfile, Float[np.ndarray, " levels"]]:
-        """Mean temperature and specific humidity over a target."""
-        φ, λ = np.meshgrid(target.latitude_deg, target.longitude_deg, indexing="ij")
-        kelvin, humidity = AirProfile(self._regular).mean(φ.ravel(), λ.ravel())
+        """Find the mean temperature and specific humidity over imagery."""
+        φ, λ = np.meshgrid(imagery.latitude_deg, imagery.longitude_deg, indexing="ij")
+        profiles = profiles_of(self._regular)
+        kelvin, humidity = mean_profile(profiles, φ.ravel(), λ.ravel())
         levels = jnp.asarray(LEVELS_M, float)
         profile = TemperatureProfile(
             levels, jnp.asarray(kelvin, float), jnp.asarray(0.0)
@@ -69,15 +77,20 @@ class Analysis:
         check_altitude(self.cube, altitude_m)
         return fractions_at(self._regular.at_altitude(altitude_m), conditions)
 
-    def masked(self, target: Target) -> Target:
-        """The target with the analysis's clouds in place of those of the imagery."""
-        classes = cloud_classes()
-        φ, λ = np.meshgrid(target.latitude_deg, target.longitude_deg, indexing="ij")
+    def masked(
+        self, imagery: Imagery, classes: Mapping[str, CloudClass] | None = None
+    ) -> Imagery:
+        """Put the analysis's clouds in place of those of the imagery.
+
+        **Arguments:** `classes`: whose conditions tell where; by default Table 1's.
+        """
+        classes = cloud_classes() if classes is None else classes
+        φ, λ = np.meshgrid(imagery.latitude_deg, imagery.longitude_deg, indexing="ij")
         fractions = {}
-        for name in target.fractions:
+        for name in imagery.fractions:
             field = np.nan_to_num(self.fractions(classes[name].conditions))
             fractions[name] = self._grid().sample(field[..., None], φ, λ)[..., 0]
-        return replace(target, fractions=fractions)
+        return replace(imagery, fractions=fractions)
 
     @property
     def _regular(self) -> WeatherCube:
@@ -90,20 +103,16 @@ class Analysis:
         )
 
 
-@ft.lru_cache(maxsize=2)
-def _displacements(
-    analysis: Analysis, names: tuple[str, ...]
-) -> tuple[DisplacementMap, ...]:
+@ft.lru_cache(maxsize=8)
+def _displacement(
+    analysis: Analysis, altitude_m: float, hours: float
+) -> DisplacementMap:
     """Kept, for a fit asks for the same maps for its rays and for its images."""
-    classes, series = cloud_classes(), WeatherSeries.of([analysis.cube])
-    altitudes = (float(classes[n].conditions.sampling_altitude_m) for n in names)
-    return tuple(
-        displacement_map(
-            wind_at(series, altitude_m, analysis.cube.valid_time),
-            hours=analysis.hours,
-            resolution_deg=1.0,
-        )
-        for altitude_m in altitudes
+    series = WeatherSeries.of([analysis.cube])
+    return displacement_map(
+        wind_at(series, altitude_m, analysis.cube.valid_time),
+        hours=hours,
+        resolution_deg=MAP_STEP_DEG,
     )
 
 
@@ -135,5 +144,5 @@ def wind_at(series: WeatherSeries, altitude_m: float, origin: datetime) -> Wind:
         data["latitude"].to_numpy(),
         data["longitude"].to_numpy(),
         time_s=series.seconds_from(origin),
-        radius_m=EARTH_RADIUS_M + altitude_m,
+        radius_m=MEAN_RADIUS_M + altitude_m,
     )

@@ -1,67 +1,65 @@
 """A scene made of weather alone: all classes of cloud, anywhere on Earth.
 
-Where imagery is fitted, the scene comes from it (`model.py`). Here masks, winds and
-temperatures come from weather analyses, the ground from a table.
+Where there is imagery, the scene comes from it (`imagery_scene.py`). Here masks, winds
+and temperatures come from weather analyses, the ground from a table.
 """
 
 import functools as ft
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from cloudjax import (
-    BandRadiances,
+    AbstractMask,
+    Air,
+    Band,
     CloudClass,
     Conditions,
     DisplacementMap,
+    DrawnMask,
     EmissiveBands,
     LatLonGrid,
     Layer,
     MaskGrid,
-    Rays,
+    ProfileGrid,
     ReflectiveBands,
     Scene,
     StandardAtmosphere,
-    Weather,
+    TemperatureGrid,
+    class_layer,
     cloud_classes,
     displacement_map,
-    ice,
     load_classes,
     propagate,
-    water,
 )
-from cloudjax.air.clear_air import Air
-from cloudjax.geometry.geodesy import up
 from cloudjax_data import (
     DataError,
     WeatherSeries,
     check_altitude,
+    earth_sun_distance_au,
     read_weather,
-    sun_direction,
 )
-from cloudjax_fit.fitted_scene import LIGHTS
 
-from .air_profile import AirProfile
-from .clear_sky import through_air
-from .sensor_band import SensorBand
-from .shading import shadows_of
+from .air_profile import profiles_of
+from .data_errors import data_errors
+from .lights import Light, light_named
 from .surface import Surface
-from .weather_analysis import fractions_at, wind_at
+from .weather_analysis import MAP_STEP_DEG, fractions_at, wind_at
 
 
-MAP_STEP_DEG = 1.0
+# Displacement maps by altitude in metres and hours.
+Winds = Mapping[tuple[float, float], DisplacementMap]
+
 # As that of a fresh map of 20 hours.
 _STEP_MINUTES = 30.0
 # Levels of the temperature field, linear in between.
 _LEVELS_M = np.arange(0.0, 16e3, 500.0)
-_PARTICLES = {"water": water, "ice": ice}
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ class World:
     - `seed`: of all textures.
     - `steps`: through each shell.
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
-    - `light`: the strategy for sunlight, one of `model.LIGHTS`.
+    - `light`: the strategy for sunlight, one of `lights.LIGHTS`.
     - `air`: whether gases and Rayleigh scattering count.
     - `shadows`: steps towards the sun, 0 for no shadows.
 
@@ -106,11 +104,13 @@ class World:
             raise DataError(f"seed = {self.seed} is negative: make it 0 or more.")
         if self.steps < 1:
             raise DataError(f"steps = {self.steps} is none: make it 1 or more.")
-        if self.light not in LIGHTS:
-            raise DataError(
-                f"There is no light {self.light!r}: make it {' or '.join(LIGHTS)}."
-            )
-        shadows_of(self.shadows, self.light)
+        # For its errors.
+        self.strategy.shadows(self.shadows)
+
+    @property
+    def strategy(self) -> Light:
+        """The strategy for light."""
+        return light_named(self.light)
 
     def require_resolution(self, voxels: int) -> None:
         """Raise `DataError` if so many per axis are too few for a texture."""
@@ -126,65 +126,113 @@ class World:
             )
 
     def scene(
-        self, bands: Sequence[SensorBand], distance_au: float = 1.0, *, day: bool = True
+        self,
+        bands: Sequence[Band],
+        time: datetime,
+        winds: Winds | None = None,
+        *,
+        day: bool = True,
     ) -> Scene:
-        """All classes, for the bands of a sensor.
+        """Build the scene of one time, with all classes, for the bands of a sensor.
 
-        **Arguments:** `day`: whether bands that emit see the sun as well.
+        **Arguments:**
+
+        - `winds`: how they have drawn the clouds, where that is at hand.
+        - `day`: whether bands that emit see the sun as well.
         """
+        light = self.strategy
         sunlit = [b for b in bands if b.reflective or (day and b.sunlit)]
         emissive = [band for band in bands if not band.reflective]
-        layers = tuple(
-            _layer(
-                one,
-                self.seed + 100 * i,
-                self.steps,
-                LIGHTS[self.light].share,
-                sunlit,
-                emissive,
-            )
-            for i, one in enumerate(self.classes.values())
-        )
+        numbers = [band.number for band in bands]
         return Scene(
-            layers=layers,
-            reflective=_reflective(sunlit, distance_au),
-            emissive=_emissive(emissive),
-            reflection=LIGHTS[self.light].reflection(),
-            emission=LIGHTS[self.light].emission() if emissive else None,
-            temperature=StandardAtmosphere(),
-            air=Air.of_bands([band.number for band in bands]) if self.air else None,
-            shadows=shadows_of(self.shadows, self.light),
+            layers=self._layers(
+                time, self.winds(time) if winds is None else winds, sunlit, emissive
+            ),
+            reflective=ReflectiveBands.of(sunlit, earth_sun_distance_au(time)),
+            emissive=EmissiveBands.of(emissive),
+            reflection=light.reflection(),
+            emission=light.emission() if light.emission and emissive else None,
+            temperature=StandardAtmosphere() if self.air else self.temperature,
+            air=Air.of_bands(numbers, profiles=self.profiles) if self.air else None,
+            shadows=light.shadows(self.shadows),
+            ground=self.surface,
         )
 
-    def weather(self, time: datetime) -> Weather:
-        """Masks, winds and temperatures of one time."""
-        maps = {
-            key: self._map(*key, time=time)
-            for one in self.classes.values()
-            for key in _winds(one)
+    def _layers(
+        self,
+        time: datetime,
+        winds: Winds,
+        sunlit: Sequence[Band],
+        emissive: Sequence[Band],
+    ) -> tuple[Layer, ...]:
+        layers = []
+        for i, one in enumerate(self.classes.values()):
+            altitude = float(one.conditions.sampling_altitude_m)
+            layers.append(
+                class_layer(
+                    one,
+                    sunlit=[band.number for band in sunlit],
+                    thermal=[band.number for band in emissive],
+                    seed=self.seed + 100 * i,
+                    steps=self.steps,
+                    extinction_share=self.strategy.share,
+                    mask=self._mask(one, time, winds),
+                    displacements=[
+                        winds.get((altitude, t.displacement_hours))
+                        for t in one.textures
+                    ],
+                )
+            )
+        return tuple(layers)
+
+    def _mask(self, one: CloudClass, time: datetime, winds: Winds) -> AbstractMask:
+        axes = _axes(self.series.cubes[0].data)
+        mask = MaskGrid.from_fraction(self.fractions(one.conditions, time), *axes)
+        altitude = float(one.conditions.sampling_altitude_m)
+        drawn = winds.get((altitude, one.mask_displacement_hours))
+        return mask if drawn is None else DrawnMask(mask, drawn)
+
+    def winds(self, time: datetime) -> Winds:
+        """Find how the winds have drawn the clouds of one time."""
+        return {
+            (altitude, hours): displacement_map(
+                wind_at(self.series, altitude, time),
+                hours=hours,
+                resolution_deg=MAP_STEP_DEG,
+            )
+            for altitude, hours in self._drawn()
         }
-        return self._weather(time, maps)
 
-    def frames(self, start: datetime, count: int, minutes: float):
-        """Times and weather of an animation, each map carried on from the one before.
-
-        Yields `(time, Weather)`.
-        """
-        keys = {key for one in self.classes.values() for key in _winds(one)}
-        maps = {key: self._map(*key, time=start) for key in keys}
+    def frames(
+        self, start: datetime, count: int, minutes: float
+    ) -> Iterator[tuple[datetime, Winds]]:
+        """Give times and winds of an animation, each map carried on from the last."""
+        winds = self.winds(start)
         for i in range(count):
             time = start + timedelta(minutes=i * minutes)
             if i > 0:
-                maps = {
+                winds = {
                     (altitude, hours): propagate(
                         earlier,
                         wind_at(self.series, altitude, start),
                         duration_s=60 * minutes,
                         steps=math.ceil(minutes / _STEP_MINUTES),
                     )
-                    for (altitude, hours), earlier in maps.items()
+                    for (altitude, hours), earlier in winds.items()
                 }
-            yield time, self._weather(time, maps)
+            yield time, winds
+
+    def _drawn(self) -> set[tuple[float, float]]:
+        """Altitudes and hours of the displacement maps that the classes need."""
+        return {
+            (float(one.conditions.sampling_altitude_m), hours)
+            for one in self.classes.values()
+            for hours in (
+                one.mask_displacement_hours,
+                *(texture.displacement_hours for texture in one.textures),
+            )
+            if hours > 0
+        }
 
     def fractions(
         self, conditions: Conditions, time: datetime
@@ -195,85 +243,24 @@ class World:
             self.series.at_altitude(altitude, time), conditions, self.omega_sign
         )
 
-    def background(self, scene: Scene, rays: Rays, time: datetime) -> BandRadiances:
-        """What is seen without cloud: the ground, through the air of the scene.
-
-        Zero where a ray misses the Earth.
-        """
-        ground, hit = rays.ground()
-        φ, λ = ground.latitude_deg, ground.longitude_deg
-        sun = sun_direction(time)
-        reflective = emissive = None
-        if scene.reflective is not None:
-            height = np.maximum((up(φ, λ) * sun).sum(-1), 0)
-            albedo = self.surface.reflectance(scene.reflective.numbers, φ, λ)
-            reflective = jnp.asarray(albedo * height, float)
-        if scene.emissive is not None:
-            kelvin = jnp.asarray(self.surface.temperature_k(φ, λ), float)
-            emissivity = self.surface.emissivity(scene.emissive.numbers, φ, λ)
-            emissive = jnp.asarray(emissivity, float) * scene.emissive.planck(kelvin)
-        bare = BandRadiances(reflective, emissive)
-        if scene.air is not None:
-            column = scene.air.navigate(rays, sun, scene.temperature, self.profile)
-            altitude = jnp.asarray(self.surface.altitude_m(φ, λ), float)
-            bare = through_air(scene, column, bare, altitude)
-        reflective, emissive = (
-            None if seen is None else jnp.where(hit, seen, 0)
-            for seen in (bare.reflective, bare.emissive)
-        )
-        if scene.reflective is not None and reflective is not None:
-            reflective = scene.reflective.radiance(reflective)
-        return BandRadiances(reflective, emissive)
-
     @ft.cached_property
     def surface(self) -> Surface:
-        return Surface(self.series.cubes[0])
+        """The ground, as warm as in the first analysis."""
+        return Surface.of(self.series.cubes[0])
 
     @ft.cached_property
-    def profile(self) -> AirProfile:
+    def profiles(self) -> ProfileGrid:
         """The air of the first analysis."""
-        return AirProfile(self.series.cubes[0])
-
-    def temperature_k(self, latitude_deg, longitude_deg, altitude_m):
-        """Of the air of the first analysis, [points] each, numpy."""
-        nodes, grid = self._temperatures
-        level = np.clip(altitude_m / _LEVELS_M[1], 0, len(_LEVELS_M) - 1)
-        below = np.minimum(level.astype(int), len(_LEVELS_M) - 2)
-        corners = grid.corners(latitude_deg, longitude_deg)
-        low, high = (
-            sum(weight * nodes[index, z] for index, weight in corners)
-            for z in (below, below + 1)
-        )
-        return low + (level - below) * (high - low)
+        return profiles_of(self.series.cubes[0])
 
     @ft.cached_property
-    def _temperatures(self):
+    def temperature(self) -> TemperatureGrid:
+        """The temperature of the first analysis, for scenes without air."""
         cube = self.series.cubes[0]
         levels = [cube.at_altitude(float(z))["t"].to_numpy() for z in _LEVELS_M]
-        nodes = _filled(np.stack(levels, axis=-1)).reshape(-1, len(_LEVELS_M))
-        return nodes, LatLonGrid.from_axes(*_axes(cube.data))
-
-    def _weather(self, time, maps: Mapping) -> Weather:
-        masks, displacements = [], []
-        axes = _axes(self.series.cubes[0].data)
-        for one in self.classes.values():
-            mask = MaskGrid.from_fraction(self.fractions(one.conditions, time), *axes)
-            altitude = float(one.conditions.sampling_altitude_m)
-            drawn = maps.get((altitude, one.mask_displacement_hours))
-            masks.append(mask if drawn is None else DisplacedMask(mask, drawn))
-            displacements.append(
-                [maps.get((altitude, t.displacement_hours)) for t in one.textures]
-            )
-        if self.air:
-            return Weather(masks, displacements, profile=self.profile)
-        return Weather(masks, displacements, self.temperature_k)
-
-    def _map(self, altitude_m: float, hours: float, *, time: datetime):
-        return displacement_map(
-            wind_at(self.series, altitude_m, time),
-            hours=hours,
-            resolution_deg=MAP_STEP_DEG,
-        )
+        nodes = _filled(np.stack(levels, axis=-1))
+        grid = LatLonGrid.from_axes(*_axes(cube.data))
+        return TemperatureGrid(nodes, grid, float(_LEVELS_M[1]))
 
 
 def open_world(
@@ -292,96 +279,11 @@ def open_world(
     **Raises:** `DataError` for any file that does not serve.
     """
     series = WeatherSeries.of([read_weather(file) for file in weather])
-    try:
+    with data_errors():
         known = cloud_classes() if classes is None else load_classes(classes)
-    except UnicodeDecodeError as error:
-        raise DataError(f"{classes} is no text: write classes in TOML.") from error
-    except ValueError as error:
-        raise DataError(str(error)) from error
-    except OSError as error:
-        raise DataError(
-            f"{classes} cannot be used ({error.strerror}): check the path."
-        ) from error
-    if not known:
-        raise DataError(f"{classes} holds no class of cloud: write one at least.")
     for one in known.values():
         check_altitude(series.cubes[0], float(one.conditions.sampling_altitude_m))
     return World(series, known, **settings)
-
-
-@dataclass(frozen=True, eq=False)
-class DisplacedMask:
-    """A weather mask that the wind has drawn out, to be called as the mask itself."""
-
-    mask: MaskGrid
-    displacement: DisplacementMap
-
-    def __call__(self, latitude_deg, longitude_deg):
-        source = self.displacement.upwind(up(latitude_deg, longitude_deg))
-        φ = np.degrees(np.arcsin(np.clip(source[..., 2], -1, 1)))
-        return self.mask(φ, np.degrees(np.arctan2(source[..., 1], source[..., 0])))
-
-
-def _winds(one: CloudClass) -> set[tuple[float, float]]:
-    """Altitudes and hours of the displacement maps that a class needs."""
-    altitude = float(one.conditions.sampling_altitude_m)
-    hours = {t.displacement_hours for t in one.textures} | {one.mask_displacement_hours}
-    return {(altitude, h) for h in hours if h > 0}
-
-
-def _layer(
-    one: CloudClass,
-    seed: int,
-    steps: int,
-    share: float,
-    sunlit: Sequence[SensorBand],
-    emissive: Sequence[SensorBand],
-) -> Layer:
-    particles = _PARTICLES[one.particles](one.effective_radius_um)
-    seen = [band.number for band in sunlit]
-    thermal = [band.number for band in emissive]
-    return Layer(
-        cloud=one.cloud(seed),
-        extinction_per_m=jnp.asarray(share * one.extinction_per_m, float),
-        infrared_ratio=particles.infrared_ratio / share,
-        co_albedo=particles.co_albedo_in(seen),
-        asymmetry=particles.asymmetry_in(seen),
-        relative_extinction=particles.relative_extinction_in(seen),
-        relative_absorption=particles.relative_absorption_in(thermal),
-        thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
-        thermal_asymmetry=particles.thermal_asymmetry_in(thermal),
-        name=one.name,
-        steps=steps,
-    )
-
-
-def _reflective(
-    bands: Sequence[SensorBand], distance_au: float
-) -> ReflectiveBands | None:
-    if not bands:
-        return None
-    κ0 = [band.coefficients(distance_au)["kappa0"] for band in bands]
-    return ReflectiveBands(
-        numbers=tuple(band.number for band in bands),
-        reflectance_per_radiance=jnp.asarray(np.array(κ0), float),
-        path=jnp.zeros(len(bands)),
-        gain=jnp.ones(len(bands)),
-    )
-
-
-def _emissive(bands: Sequence[SensorBand]) -> EmissiveBands | None:
-    if not bands:
-        return None
-    constants = {
-        name: jnp.asarray([band.coefficients()[name] for band in bands], float)
-        for name in ("fk1", "fk2", "bc1", "bc2")
-    }
-    return EmissiveBands(
-        numbers=tuple(band.number for band in bands),
-        **constants,
-        path=jnp.zeros(len(bands)),
-        gain=jnp.ones(len(bands)),
-    )
 
 
 def _axes(data) -> tuple[np.ndarray, np.ndarray]:

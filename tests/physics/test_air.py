@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import BandRadiances, StandardAtmosphere, TemperatureProfile
+from cloudjax import BandRadiances, Rays, StandardAtmosphere, TemperatureProfile
 from cloudjax.air.atmosphere import pressure_pa, temperature_k
-from cloudjax.air.clear_air import Air
+from cloudjax.air.clear_air import Air, Column
 from cloudjax.air.gases import (
     LEVELS_M,
     airmass,
@@ -113,10 +113,14 @@ def _straight_down():
     return rays_to(place[0] * 2, place)
 
 
+def _column(air: Air, rays: Rays, sun_direction: np.ndarray) -> Column:
+    return air.look(rays, rays.ground()[0], sun_direction)
+
+
 def _clear(air, temperature, surface_k: float):
     """Brightness of black ground at sea level, by band."""
     bands = emissive_bands(*THERMAL)
-    column = air.navigate(_straight_down(), sun(30), temperature)
+    column = _column(air, _straight_down(), sun(30))
     emission = air.emission(bands, column, temperature)
     ground = bands.planck(numbers(surface_k))
     seen = emission.over(ground, numbers(0.0))
@@ -173,8 +177,9 @@ def test_sun_and_viewer_may_swap_above_a_cloud():
         towards = np.array([[np.cos(θ), np.sin(θ), 0.0]])
         rays = rays_to(place[0] + 1e7 * towards[0], place)
         sunlight = sun(light, 0.0, 0.0)
-        column = air.navigate(rays, sunlight, StandardAtmosphere())
-        views.append((column, air.veil(bands, column, numbers(2000.0))))
+        column = _column(air, rays, sunlight)
+        veil = air.veil(bands, column, StandardAtmosphere(), numbers(2000.0))
+        views.append((column, veil))
     (there, one), (back, other) = views
     assert float(there.sun[0]) == pytest.approx(float(back.view[0]), rel=1e-5)
     np.testing.assert_allclose(one.passed, other.passed, rtol=1e-5)
@@ -189,8 +194,8 @@ def test_white_cloud_stays_white_under_blue_sky():
     """
     bands, air = reflective_bands(1), Air.of_bands((1,))
     rays = geostationary_rays(1)
-    column = air.navigate(rays, sun(40), StandardAtmosphere())
-    veil = air.veil(bands, column, numbers(1000.0))
+    column = _column(air, rays, sun(40))
+    veil = air.veil(bands, column, StandardAtmosphere(), numbers(1000.0))
     cloud = 0.7 * column.sun[None]
     seen = veil.path + veil.over(cloud, column.sun)
     assert float(seen[0, 0]) == pytest.approx(float(cloud[0, 0]), rel=0.05)

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import POINT
+from cloudjax import Sampling
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.shells import chords
 from cloudjax.march.march import first_surface, march
 from tests import hard_reference
@@ -24,7 +25,7 @@ TEXTURES = fractal_cloud().make_textures(POINT, 16)
 
 @eqx.filter_jit
 def _soft(cloud, way, steps):
-    samples = cloud.sample(way, TEXTURES, steps=steps, with_gradient=True)
+    samples = cloud.sample(way, TEXTURES, steps=steps, slopes=True)
     passed = march(cloud.occupancy(samples, steps), way.path.length_m)
     assert passed.slopes is not None
     absorbed = passed.absorbed(jnp.asarray(EXTINCTION, float))
@@ -45,7 +46,7 @@ def hard():
 @ft.cache
 def _marched(steps: int, smoothing: float = 1e-5):
     cloud = fractal_cloud(threshold=0.6, smoothing=smoothing)
-    way = cloud.navigate(RAYS, chords(RAYS, cloud.shell))
+    way = cloud.navigate(RAYS, chords(RAYS, cloud.shell), Sampling(POINT))
     return [np.asarray(x, float) for x in _soft(cloud, way, steps)]
 
 

@@ -5,9 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import POINT, BandRadiances, Rays, Shell, render
+from cloudjax import ClearSky, Rays, Sampling, Shell
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import ecef, geodetic, up
+from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax.geometry.shells import chords
+from cloudjax.image.render import render
 from cloudjax.march.march import first_surface, march
 from tests.helpers import (
     GEOSTATIONARY_M,
@@ -32,7 +35,7 @@ STEPS, EXTINCTION = 400, 0.2
 @eqx.filter_jit
 def _surface(way):
     """Distance of the first surface from the entry, and how much of a ray it stops."""
-    samples = CLOUD.sample(way, TEXTURES, steps=STEPS, with_gradient=True)
+    samples = CLOUD.sample(way, TEXTURES, steps=STEPS, slopes=True)
     passed = march(CLOUD.occupancy(samples, STEPS), way.path.length_m)
     assert passed.slopes is not None
     absorbed = passed.absorbed(jnp.asarray(EXTINCTION))
@@ -47,7 +50,7 @@ def _surface(way):
 
 def _seen_at(rays: Rays):
     chord = chords(rays, SHELL)
-    distance, stopped = _surface(CLOUD.navigate(rays, chord))
+    distance, stopped = _surface(CLOUD.navigate(rays, chord, Sampling(POINT)))
     return rays.at(chord.entry_m + np.asarray(distance, float)), np.asarray(stopped)
 
 
@@ -94,19 +97,20 @@ def test_the_top_of_a_cloud_stands_where_it_stands_from_all_sides():
 # The same image every time ------------------------------------------------------------
 
 SCENE = make_scene(
-    [layer(fractal_cloud(nodes=3))], reflective_bands(1), emissive_bands(13)
+    [layer(fractal_cloud(nodes=3))],
+    reflective_bands(1),
+    emissive_bands(13),
+    ground=ClearSky(
+        jnp.full((2, 2, 1), 20.0),
+        jnp.full((2, 2, 1), 100.0),
+        LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.array([0.0, 180.0])),
+    ),
 )
 
 
 def _image(**options):
-    def behind(index):
-        one = jnp.ones((1, len(index)))
-        return BandRadiances(20 * one, 100 * one)
-
     rays = geostationary_rays(600, 8.0)
-    return arrays(
-        render(SCENE, rays, sun(40.0), behind, resolution=16, **options).radiances
-    )
+    return arrays(render(SCENE, rays, sun(40.0), resolution=16, **options).radiances)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import POINT, FixedGrid, Rays, Shell
+from cloudjax import FixedGrid, Rays, Sampling, Shell
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import ecef, up
 from cloudjax.geometry.shells import chords
 from tests.helpers import fractal_cloud, rays_to
@@ -19,14 +20,16 @@ STEPS = 8
 
 @eqx.filter_jit
 def _sampled(way):
-    samples = CLOUD.sample(way, TEXTURES, steps=STEPS, with_gradient=False)
+    samples = CLOUD.sample(way, TEXTURES, steps=STEPS, slopes=False)
     altitude = samples.path.altitude_m(samples.path.distance_m(STEPS))
     return altitude, tuple(v.in_steps(STEPS) for v in samples.texture_values)
 
 
 def _middles(rays: Rays):
     """Altitude and texture values at the middle of each step, [rays steps]."""
-    altitude, values = _sampled(CLOUD.navigate(rays, chords(rays, SHELL)))
+    altitude, values = _sampled(
+        CLOUD.navigate(rays, chords(rays, SHELL), Sampling(POINT))
+    )
     return np.asarray(altitude), np.stack([np.asarray(v) for v in values])
 
 
@@ -62,7 +65,7 @@ def test_two_satellites_meet_at_the_same_place():
         zero = np.zeros(2)
         satellite = FixedGrid(zero, zero, longitude).satellite_m
         rays = rays_to(satellite, target)
-        way = CLOUD.navigate(rays, chords(rays, SHELL))
+        way = CLOUD.navigate(rays, chords(rays, SHELL), Sampling(POINT))
         distance = np.linalg.norm(target - satellite) - float(
             chords(rays, SHELL).entry_m[0]
         )
@@ -104,7 +107,7 @@ def test_texture_positions_keep_their_precision_on_the_device():
     angle = np.linspace(-0.14, 0.14, 15)
     rays = FixedGrid(angle, angle, 0.0).rays()
     chord = chords(rays, SHELL)
-    way = CLOUD.navigate(rays, chords(rays, SHELL))
+    way = CLOUD.navigate(rays, chords(rays, SHELL), Sampling(POINT))
     exact = rays.at(chord.entry_m)[:, None] / np.array(CLOUD.length_scales_m)[:, None]
     off = (np.asarray(way.texture_entry, float) - exact + 0.5) % 1 - 0.5
     np.testing.assert_allclose(off, 0, atol=1e-7)

@@ -1,13 +1,14 @@
 """What is rendered, fitted and compared: the only part that knows how."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from cloudjax import BandRadiances, render
+from cloudjax import ClearSky, LatLonGrid, render
 from tests.commands import run
 from tests.helpers import (
     emissive_bands,
@@ -39,12 +40,11 @@ def fractal_image() -> dict[str, np.ndarray]:
     cloud = layer(fractal_cloud(nodes=3))
     scene = make_scene([cloud], reflective_bands(1), emissive_bands(13))
 
-    def behind(index) -> BandRadiances:
-        one = jnp.ones((1, len(index)))
-        return BandRadiances(20 * one, 100 * one)
-
+    grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.arange(0.0, 360.0, 120.0))
+    even = jnp.ones((*grid.shape, 1))
+    scene = replace(scene, ground=ClearSky(20 * even, 100 * even, grid))
     rays = geostationary_rays(600, 8.0)
-    seen = render(scene, rays, sun(40.0), behind, resolution=16).radiances
+    seen = render(scene, rays, sun(40.0), resolution=16).radiances
     assert seen.reflective is not None
     assert seen.emissive is not None
     return {

@@ -64,8 +64,8 @@ def moves(old: Numbers, new: Numbers, allowed: Numbers) -> list[Move]:
         if name not in old or name not in new:
             words = "is new" if name in new else "is gone"
         else:
-            a, b = np.asarray(old[name], float), np.asarray(new[name], float)
-            words = _moved(a, b, float(allowed[name]))
+            before, after = (np.asarray(side[name], float) for side in (old, new))
+            words = _moved(before, after, float(allowed[name]))
         if words is not None:
             found.append(Move(name, words))
     return found

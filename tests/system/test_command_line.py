@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 import xarray as xr
 
+from cloudjax import class_table, imagery_classes
 from cloudjax_cli import main
+from cloudjax_fit.fit_inputs import FitInputs, read_inputs
 from cloudjax_fit.fitting import FitSettings
-from cloudjax_fit.scene_run import Run, prepare
 from tests.commands import run, sentence_of
 from tests.fit_results import made_up_result
 from tests.generated import SCAN_START
@@ -33,7 +35,11 @@ def scene(tmp_path) -> Path:
 class Calls(list):
     """What the fit was called with; `run` is where its made-up result is from."""
 
-    run: Run
+    run: FitInputs
+
+    def __init__(self):
+        super().__init__()
+        self.classes = []
 
 
 @pytest.fixture
@@ -41,7 +47,8 @@ def no_solver(monkeypatch):
     """A result at once, and a record of what was asked."""
     calls = Calls()
 
-    def fit(target, *, settings, overrides=None, analysis=None, on_step=None):
+    def fit(target, *, settings, overrides, analysis, classes, on_step=None):
+        calls.classes.append(classes)
         calls.append((target, settings, overrides, analysis))
         if on_step is not None:
             on_step(1, 5.0)
@@ -63,7 +70,7 @@ def test_compiled_functions_are_kept_where_asked(tmp_path):
 
 def test_help_is_quick_and_leaves_jax_alone():
     code = (
-        "import sys, cloudjax_fit.cli\n"
+        "import sys, cloudjax_cli\n"
         "heavy = {'jax', 'numpy', 'xarray', 'matplotlib'} & set(sys.modules)\n"
         "sys.exit(f'imported {heavy}' if heavy else 0)"
     )
@@ -176,19 +183,37 @@ def test_settings_of_the_scene_and_of_the_command_line(scene, tmp_path, no_solve
     (scene / "scene.toml").write_text(
         '[fit]\nbands = [1, 13]\nrays = 99\n[parameters."cirrus.top"]\nfree = false'
     )
-    no_solver.run = prepare(scene)
+    no_solver.run = read_inputs(scene)
     result = run("fit", scene, "-o", tmp_path / "out", "--seed", "3")
     assert result.exit_code == 0, result.output
     ((target, settings, overrides, analysis),) = no_solver
-    assert list(target.bands) == [1, 13]
+    assert list(target.imagery.bands) == [1, 13]
     assert settings == FitSettings(rays=99, seed=3)
     assert overrides == {"cirrus.top": {"free": False}}
     assert analysis is None
+    assert no_solver.classes == [None]
+
+
+def test_classes_of_the_user_reach_the_fit(scene, tmp_path, no_solver):
+    """Low cloud alone: high cloud is then no one's."""
+    one = {"mine": class_table(imagery_classes()["low_stratus"])}
+    (tmp_path / "mine.toml").write_text(tomli_w.dumps(one))
+    classes = "--classes", tmp_path / "mine.toml"
+    no_solver.run = read_inputs(scene, classes=tmp_path / "mine.toml")
+    result = run("fit", scene, "-o", tmp_path / "out", *classes)
+    assert result.exit_code == 0, result.output
+    ((target, *_),) = no_solver
+    assert list(target.imagery.fractions) == ["mine"]
+    assert list(no_solver.classes[0]) == ["mine"]
+    (tmp_path / "mine.toml").write_text(tomli_w.dumps(one | {"other": {}}))
+    refused = run("fit", scene, "-o", tmp_path / "out", *classes)
+    assert refused.exit_code == 2
+    assert "mine.toml: class other has no threshold" in refused.stderr
 
 
 def test_several_scenes_get_a_folder_each(scene, tmp_path, no_solver):
     other = write_scene(tmp_path / "other", start=SCAN_START + timedelta(minutes=5))
-    no_solver.run = prepare(scene)
+    no_solver.run = read_inputs(scene)
     result = run("fit", scene, other, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output
     for name in ("scene", "other"):
@@ -197,7 +222,7 @@ def test_several_scenes_get_a_folder_each(scene, tmp_path, no_solver):
 
 def test_weather_goes_into_the_fit_unless_it_is_ignored(scene, tmp_path, no_solver):
     write_weather(scene, SCAN_START - timedelta(hours=2))
-    no_solver.run = prepare(scene)
+    no_solver.run = read_inputs(scene)
     for option in ((), ("--ignore-weather",)):
         assert run("fit", scene, "-o", tmp_path / "out", *option).exit_code == 0
     used, ignored = (call[-1] for call in no_solver)
@@ -210,19 +235,21 @@ def test_a_mask_from_the_weather_needs_a_weather_file(scene, tmp_path, no_solver
     assert refused.exit_code == 2
     assert "weather file" in refused.stderr
     write_weather(scene, SCAN_START)
-    no_solver.run = prepare(scene)
+    no_solver.run = read_inputs(scene)
     assert run("fit", scene, "-o", tmp_path / "out", "--weather-mask").exit_code == 0
     ((target, *_),) = no_solver
     # One air mass everywhere, and not the imagery's clouds.
-    assert all(np.ptp(f) < 0.01 and f.max() < 0.5 for f in target.fractions.values())
+    assert all(
+        np.ptp(f) < 0.01 and f.max() < 0.5 for f in target.imagery.fractions.values()
+    )
 
 
 def test_the_demonstration_fits_the_embedded_scene(scene, tmp_path, no_solver):
-    no_solver.run = prepare(scene)
+    no_solver.run = read_inputs(scene)
     result = run("demo", "-o", tmp_path / "demo", "--starts", "2")
     assert result.exit_code == 0, result.output
     ((target, settings, _, _),) = no_solver
-    assert target.name == "goes17_m1_20191027T2000"
+    assert target.imagery.name == "goes17_m1_20191027T2000"
     assert settings == FitSettings(starts=2)
 
 

@@ -7,8 +7,12 @@ import pyproj
 import pytest
 import xarray as xr
 
+from cloudjax_fit.fit_files import write_fit
+from cloudjax_fit.fit_inputs import read_inputs
 from tests.commands import run, sentence_of
+from tests.fit_results import made_up_result
 from tests.generated_grib import write_grib
+from tests.scenes import write_scene
 from tests.weather_scenes import (
     CLASS,
     HIGH,
@@ -196,10 +200,10 @@ GIVEN = ("--weather", "gfs.grib2", "--classes", "classes.toml")
         (("abi-meso-10km", *GIVEN, "--centre", "20"), "'20'"),
         (("abi-meso-10km", *GIVEN, "--centre", "20,105"), "abi-meso-10km"),
         (("abi-conus-10km", *GIVEN, "--centre", "20,-80"), "leave it out"),
-        ((*MESO, *GIVEN[:3], "unknown.toml"), "unknown key(s) toop"),
+        ((*MESO, *GIVEN[:3], "unknown.toml"), "unknown key, 'toop'"),
         ((*MESO, *GIVEN[:3], "empty.toml"), "holds no class"),
-        ((*MESO, *GIVEN[:3], "absent.toml"), "absent.toml cannot be used"),
-        ((*MESO, *GIVEN[:3], "binary.toml"), "binary.toml is no text"),
+        ((*MESO, *GIVEN[:3], "absent.toml"), "absent.toml is not a file"),
+        ((*MESO, *GIVEN[:3], "binary.toml"), "binary.toml is not valid TOML"),
         ((*MESO, "--weather", "absent.grib2"), "absent.grib2"),
         ((*MESO, "--weather", "region.grib2"), "covers a region only"),
         ((*MESO, *GIVEN, "--weather", "gfs.grib2"), "both valid at"),
@@ -220,6 +224,20 @@ def test_bad_input_is_one_sentence(folder, tmp_path, monkeypatch, arguments, wor
     sentence = sentence_of(run("render", *arguments, "-o", tmp_path / "out.nc"))
     assert words in sentence
     assert list(tmp_path.iterdir()) == []
+
+
+def test_classes_that_a_fit_found_stand_in_weather(folder, tmp_path):
+    """Its parameters.toml is taken as it is, air and light and all."""
+    found = read_inputs(write_scene(tmp_path / "scene"))
+    write_fit(made_up_result(found), tmp_path / "fit")
+    image = tmp_path / "out.nc"
+    given = "--weather", folder / "gfs.grib2", "--steps", "4", "--bands", "2,13"
+    classes = "--classes", tmp_path / "fit" / "parameters.toml"
+    result = run("render", *MESO, *given, *classes, "-o", image)
+    assert result.exit_code == 0, result.output
+    with xr.open_dataset(image) as data:
+        assert data["cloud_class"].attrs["flag_meanings"] == "clear cirrus low_stratus"
+        assert float(data["cloud_fraction"].max()) > 0.5
 
 
 def regional(file: Path) -> None:

@@ -89,7 +89,7 @@ def test_the_jacobian_of_the_fit_is_right_in_both_modes(twin, monkeypatch):
 
     def plain(values, problem):
         scene = put_all(problem.scene, problem.parameters, values)
-        return scene.total(radiances(scene, problem.sampled, problem.background))
+        return scene.total(radiances(scene, problem.view))
 
     monkeypatch.setattr("cloudjax_fit.objective._seen", plain)
     direction = jnp.asarray(np.random.default_rng(2).standard_normal(len(z)), z.dtype)

@@ -11,7 +11,6 @@ from cloudjax.weather.advection import (
     displacement_map,
     propagate,
 )
-from cloudjax.weather.time_stepping import Euler, Heun, RungeKutta4
 
 
 LAT, LON = np.arange(-90.0, 91.0, 10.0), np.arange(0.0, 360.0, 10.0)
@@ -118,16 +117,14 @@ def test_winds_that_cannot_be_sampled_are_refused(changes, message):
 
 
 @pytest.mark.parametrize("x64", [False, True])
-@pytest.mark.parametrize("scheme", [Euler(), Heun(), RungeKutta4()])
-def test_no_wind_is_exactly_no_displacement(x64, scheme):
+def test_no_wind_is_exactly_no_displacement(x64):
     with jax.enable_x64(x64):
         still = uniform(0.0, 0.0)
         points = jnp.asarray(np.random.default_rng(0).normal(size=(50, 3)))
         points = points / jnp.linalg.norm(points, axis=1, keepdims=True)
-        kwargs = {"steps": 7, "scheme": scheme}
-        end = displace(points, still, start_s=0.0, duration_s=-1e5, **kwargs)
+        end = displace(points, still, start_s=0.0, duration_s=-1e5, steps=7)
         assert jnp.array_equal(end, points)
-        map_ = displacement_map(still, hours=20.0, resolution_deg=10.0, **kwargs)
+        map_ = displacement_map(still, hours=20.0, resolution_deg=10.0, steps=7)
         map_ = propagate(map_, still, duration_s=60.0)
         assert jnp.array_equal(map_.upwind(points), points)
         assert np.array_equal(map_.upwind(np.asarray(HARD_SET)), HARD_SET)

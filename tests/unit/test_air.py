@@ -8,21 +8,27 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import Shell, StandardAtmosphere, navigate, radiances, sample
+from cloudjax import ProfileGrid, Shell, StandardAtmosphere, radiances
 from cloudjax.air.clear_air import Air, Column, Emission
 from cloudjax.air.gases import LEVELS_M, Columns
+from cloudjax.geometry.geodesy import ecef
+from cloudjax.geometry.latlon_grid import LatLonGrid
 from tests.helpers import (
+    GEOSTATIONARY_M,
     emissive_bands,
     fractal_cloud,
     geostationary_rays,
+    lay_along,
     layer,
     limb_rays,
     make_background,
     make_scene,
-    make_textures,
     numbers,
+    over,
+    rays_to,
     reflective_bands,
     sun,
+    view_along,
 )
 
 
@@ -49,7 +55,7 @@ def scene_of(air, offset_k=0.0, extinction=0.002, reflective=(1, 3), emissive=(8
 
 
 def _view(scene):
-    return navigate(scene, geostationary_rays(RAYS), sun(40))
+    return view_along(scene, geostationary_rays(RAYS), sun(40))
 
 
 def _operations(jaxpr) -> int:
@@ -65,10 +71,8 @@ def _operations(jaxpr) -> int:
 
 
 def _cost(scene) -> int:
-    shapes = scene, _view(scene), make_textures(scene)
-    sampled = eqx.filter_eval_shape(sample, *shapes)
-    behind = make_background(scene, RAYS)
-    program = eqx.filter_make_jaxpr(radiances)(scene, sampled, behind)[0]
+    scene = over(scene, make_background(scene, RAYS))
+    program = eqx.filter_make_jaxpr(radiances)(scene, _view(scene))[0]
     return _operations(program.jaxpr)
 
 
@@ -90,20 +94,19 @@ def test_what_is_left_out_is_not_compiled():
 
 
 def test_a_scene_without_air_is_navigated_without():
-    assert _view(scene_of(None)).column is None
+    ways = lay_along(scene_of(None), geostationary_rays(RAYS), sun(40))
+    assert ways.around.column is None
 
 
 def test_both_modes_and_differences_agree():
     air = Air.of_bands((3, 8))
     some = ft.partial(scene_of, air, reflective=(3,), emissive=(8,))
-    plain = some()
-    textures = make_textures(plain)
-    sampled = eqx.filter_jit(sample)(plain, _view(plain), textures)
-    background = make_background(plain, RAYS)
+    background = make_background(some(), RAYS)
+    view = _view(over(some(), background))
 
     def seen(x):
-        scene = some(offset_k=x[0], extinction=x[1] * 0.002)
-        found = radiances(scene, sampled, background)
+        scene = over(some(offset_k=x[0], extinction=x[1] * 0.002), background)
+        found = radiances(scene, view)
         assert found.reflective is not None
         assert found.emissive is not None
         means = [found.reflective.mean(1) / 100, found.emissive.mean(1) / 10]
@@ -147,9 +150,10 @@ def test_values_and_gradients_are_finite_on_the_hard_set():
     sunlit, thermal = reflective_bands(1, 3), emissive_bands(8, 12, 13)
 
     def seen(column, altitude_m, offset_k):
-        veil = air.veil(sunlit, column, altitude_m)
+        temperature = StandardAtmosphere(offset_k)
+        veil = air.veil(sunlit, column, temperature, altitude_m)
         cloud = jnp.full_like(veil.path, 0.6)
-        emission = air.emission(thermal, column, StandardAtmosphere(offset_k))
+        emission = air.emission(thermal, column, temperature)
         black = emission.black_bodies(altitude_m[:, None], EVERYWHERE)[..., 0]
         ground = emission.over(black, altitude_m) + emission.above(altitude_m)
         return (veil.path + veil.over(cloud, column.sun)).sum() + ground.sum()
@@ -178,9 +182,12 @@ def test_black_bodies_in_a_shell_are_read_between_the_levels_around_it(shell):
     )
 
 
+def _column_along(air: Air, rays, sun_direction) -> Column:
+    return air.look(rays, rays.ground()[0], sun_direction)
+
+
 def test_rays_that_miss_the_earth_have_air_too():
-    air = Air.of_bands((3, 13))
-    column = air.navigate(limb_rays(-2e3, 5e3, 4e4), sun(40), StandardAtmosphere())
+    column = _column_along(Air.of_bands((3, 13)), limb_rays(-2e3, 5e3, 4e4), sun(40))
     for leaf in jax.tree.leaves(column):
         assert np.isfinite(leaf).all()
     assert float(column.view.min()) == pytest.approx(1 / 40, rel=0.05)
@@ -191,25 +198,29 @@ def test_twilight_fades():
     bands, air = reflective_bands(1), Air.of_bands((1,))
     seen = []
     for zenith in (90, 92, 96, 102):
-        column = air.navigate(geostationary_rays(1, 0.01), sun(zenith),
-                              StandardAtmosphere())  # fmt: skip
-        seen.append(float(air.veil(bands, column, numbers(0.0)).path[0, 0]))
+        column = _column_along(air, geostationary_rays(1, 0.01), sun(zenith))
+        veil = air.veil(bands, column, StandardAtmosphere(), numbers(0.0))
+        seen.append(float(veil.path[0, 0]))
     assert np.all(np.diff(seen) < 0)
     assert 1e-3 < seen[0] < 0.03
     assert seen[-1] < 1e-6
 
 
 def test_air_that_differs_from_place_to_place_is_that_of_the_ray():
-    air = Air.of_bands((8,))
-    rays = geostationary_rays(3)
-    heights = np.exp(-LEVELS_M / 2000)
-
-    def profile(latitude_deg, longitude_deg):
-        kelvin = np.full((3, len(LEVELS_M)), 250.0)
-        return kelvin, 0.001 * np.arange(3)[:, None] * heights
-
-    column = air.navigate(rays, sun(40), StandardAtmosphere(), profile)
+    """Nodes 1 degree apart, each as moist as its row; rays to the middles of rows."""
+    latitude, longitude = np.arange(19.0, 23.0), np.arange(8.0, 12.0)
+    humidity = 0.001 * np.arange(4.0)[:, None] * np.exp(-LEVELS_M / 2000)
+    humidity = np.broadcast_to(humidity[:, None], (4, 4, len(LEVELS_M)))
+    profiles = ProfileGrid(
+        jnp.full(humidity.shape, 250.0),
+        jnp.asarray(humidity, float),
+        LatLonGrid.from_axes(latitude, longitude),
+    )
+    air = Air.of_bands((8,), profiles=profiles)
+    place = ecef(np.array([19.0, 20.0, 21.0]), np.full(3, 10.0), np.zeros(3))
+    column = _column_along(air, rays_to(GEOSTATIONARY_M, place), sun(40))
+    assert column.above is not None
     water = np.asarray(column.above.water[:, 0])
-    assert water[0] == 0
+    assert water[0] == pytest.approx(0, abs=1e-6 * float(water[1]))
     assert water[2] == pytest.approx(2 * water[1], rel=1e-3)
     assert column.temperature_k is not None

@@ -53,10 +53,24 @@ def test_importing_the_renderer_changes_no_configuration_and_opens_no_network():
         "import jax\nbefore = dict(jax.config.values)\n"
         + NO_NETWORK
         + "import cloudjax, cloudjax_fit\n"
+        + "for package in (cloudjax, cloudjax_fit):\n"
+        + "    assert [getattr(package, name) for name in dir(package)]\n"
         + "after = dict(jax.config.values)\n"
         + "print({k for k in after if after[k] != before.get(k, after[k])})"
     )
     assert found == "set()"
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        *("cloudjax", "cloudjax.geometry.geodesy", "cloudjax.geometry.rays"),
+        *("cloudjax.geometry.fixed_grid", "cloudjax.geometry.shells"),
+        "cloudjax.light.planck",
+    ],
+)
+def test_importing_what_needs_no_jax_loads_none(module):
+    assert _python(f"import sys, {module}\nprint('jax' in sys.modules)") == "False"
 
 
 def test_importing_the_data_package_loads_no_jax_and_opens_no_network():

@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from cloudjax import POINT, FractalCloud, Latent, Perlin, Shell
+from cloudjax import FractalCloud, Latent, Perlin, Sampling, Shell
 from cloudjax.clouds.fractal import FractalSamples
 from cloudjax.clouds.texture import Unresolved
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import ecef, geodetic
 from cloudjax.geometry.path import Path, Profile
 from cloudjax.geometry.shells import chords
 from tests.helpers import (
     GEOSTATIONARY_M,
+    FunctionMask,
+    TurnedAir,
     cloud_function,
     fractal_cloud,
     geostationary_rays,
@@ -45,14 +48,17 @@ def _samples(values, mask: Any = 0.0, altitude=2000.0, lost=(NOTHING, NOTHING)):
         unresolved=tuple(
             Unresolved(*(jnp.full(len(like), part) for part in parts)) for parts in lost
         ),
-        up=jnp.ones((3, len(like), 1)),
-        texture_gradients=(jnp.zeros((3, len(like), 1)),) * len(values),
+        up=jnp.ones((len(like), 3, 1)),
+        texture_gradients=(jnp.zeros((len(like), 3, 1)),) * len(values),
     )
 
 
-def _navigate(cloud, rays, mask=None, displacements=None, **knots):
-    chord = chords(rays, cloud.shell)
-    return cloud.navigate(rays, chord, mask, displacements, **knots)
+def _navigate(cloud, rays, mask=None, displacements=None, knots=2):
+    if mask is not None:
+        mask = FunctionMask(mask)
+    cloud = dataclasses.replace(cloud, mask=mask, displacements=displacements)
+    sampling = Sampling(POINT, knots, knots)
+    return cloud.navigate(rays, chords(rays, cloud.shell), sampling)
 
 
 def test_the_cloud_function_is_equation_1():
@@ -101,11 +107,13 @@ def test_the_gradient_in_space_is_that_of_the_differences():
 
 def _both_slopes(cloud, textures, way, step_m=0.5):
     """∇CF at the middle of each ray's chord, and central differences."""
-    here = cloud.sample(way, textures, steps=3, with_gradient=True)
+    here = cloud.sample(way, textures, steps=3, slopes=True)
     f = cloud.function
     altitude = here.path.altitude_m(here.path.distance_m(3))
-    rise = f.rise(altitude)[None, :, 1] * here.up[..., 1]
-    found = f.gradient(here.texture_gradients)[..., 1] + rise
+    up = here.up[..., 1].T
+    rise = f.rise(altitude)[None, :, 1] * up
+    gradients = tuple(jnp.moveaxis(g, 1, 0) for g in here.texture_gradients)
+    found = f.gradient(gradients)[..., 1] + rise
     middle = way.texture_entry + way.texture_change[..., 0] / 2
     zero = jnp.zeros_like(altitude[:, 1:2])
 
@@ -114,7 +122,7 @@ def _both_slopes(cloud, textures, way, step_m=0.5):
             texture.sample(middle[:, i].T + shift[:, None] / cloud.length_scales_m[i])
             for i, texture in enumerate(textures)
         ]
-        raised = altitude[:, 1] + shift @ here.up[..., 1]
+        raised = altitude[:, 1] + shift @ up
         fractal = f.fractal(tuple(v[:, None] for v in values))
         return f(fractal, zero, raised[:, None])[:, 0]
 
@@ -239,8 +247,8 @@ def test_samples_hold_what_the_way_tells():
     rays = geostationary_rays(5)
     way = _navigate(cloud, rays, lambda latitude, longitude: latitude / 10)
     textures = cloud.make_textures(POINT, 16)
-    plain = _sampled(cloud, way, textures, steps=6, with_gradient=False)
-    rich = _sampled(cloud, way, textures, steps=6, with_gradient=True)
+    plain = _sampled(cloud, way, textures, steps=6, slopes=False)
+    rich = _sampled(cloud, way, textures, steps=6, slopes=True)
     assert plain.up is None
     assert plain.texture_gradients is None
     np.testing.assert_allclose(plain.mask.values, 2.0, atol=0.25)
@@ -248,14 +256,6 @@ def test_samples_hold_what_the_way_tells():
         np.testing.assert_allclose(a.values, b.values, atol=1e-5)
     assert np.all(np.asarray(way.texture_entry) >= 0)
     assert np.all(np.asarray(way.texture_entry) <= 1)
-
-
-class _Turned(eqx.Module):
-    """Solid air that came from two degrees further west."""
-
-    def displacement_of(self, points):
-        c, s = np.cos(np.radians(2)), np.sin(np.radians(2))
-        return points @ jnp.array([[c - 1, -s, 0], [s, c - 1, 0], [0, 0, 0]])
 
 
 def test_wind_moves_the_textures_and_turns_their_gradients():
@@ -269,10 +269,11 @@ def test_wind_moves_the_textures_and_turns_their_gradients():
         source = type(rays)(
             rays.origin_m @ turn.T, rays.direction @ turn.T, rays.pixel_rad
         )
-        blown = _navigate(cloud, rays, None, [_Turned(), _Turned()])
-        moved = _sampled(cloud, blown, textures, steps=4, with_gradient=True)
+        air = TurnedAir.by(2.0)
+        blown = _navigate(cloud, rays, None, (air, air))
+        moved = _sampled(cloud, blown, textures, steps=4, slopes=True)
         still = _sampled(
-            cloud, _navigate(cloud, source), textures, steps=4, with_gradient=True
+            cloud, _navigate(cloud, source), textures, steps=4, slopes=True
         )
     assert moved.texture_gradients is not None
     assert still.texture_gradients is not None
@@ -280,7 +281,7 @@ def test_wind_moves_the_textures_and_turns_their_gradients():
         np.testing.assert_allclose(
             moved.texture_values[i].values, still.texture_values[i].values, atol=1e-6
         )
-        expected = np.tensordot(turn.T, np.asarray(still.texture_gradients[i]), 1)
+        expected = turn.T @ np.asarray(still.texture_gradients[i])
         # The strain of the map is that of a sphere: off by the flattening of 0.3 %.
         np.testing.assert_allclose(moved.texture_gradients[i], expected, atol=1e-7)
 
@@ -305,7 +306,7 @@ def test_knots_follow_masks_that_bend_along_a_ray():
     errors = []
     for knots in (2, 3, 5):
         way = _navigate(cloud, rays, _bent, knots=knots)
-        samples = _sampled(cloud, way, textures, steps=32, with_gradient=False)
+        samples = _sampled(cloud, way, textures, steps=32, slopes=False)
         found = np.asarray(samples.mask.in_steps(32))
         errors.append(np.abs(found - truth).max())
     assert errors[0] > 1e-3
@@ -325,7 +326,7 @@ def test_air_that_stretches_a_texture_flattens_its_slopes():
     bent = eqx.tree_at(lambda w: w.strain, way, half, is_leaf=lambda x: x is None)
     textures = cloud.make_textures(pixel(5e3), 16)
     still, moved = (
-        _sampled(cloud, w, textures, steps=4, with_gradient=True) for w in (way, bent)
+        _sampled(cloud, w, textures, steps=4, slopes=True) for w in (way, bent)
     )
     for a, b in zip(still.unresolved, moved.unresolved, strict=True):
         np.testing.assert_allclose(b.slope, a.slope * 2.25 / 3, rtol=1e-5)

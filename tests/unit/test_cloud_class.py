@@ -1,16 +1,23 @@
 """Classes of cloud from data: the four of the paper, a fifth, and faulty ones."""
 
 import math
+import re
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import tomli_w
 
 from cloudjax import (
     InvertedWorley,
     Perlin,
+    Prior,
+    class_layer,
+    class_table,
     cloud_classes,
     fraction_to_mask,
+    imagery_classes,
     load_classes,
     make_texture,
 )
@@ -57,6 +64,14 @@ length_scale_m = 19e3
 weight = 0.5
 displacement_hours = 1.5
 """
+
+
+_PRIOR = "{} = {{ lower = 1, upper = 9, spread = 2 }}"
+
+
+def _added(table: str, line: str) -> tuple[str, str]:
+    """What to replace in the fifth class, and by what, for a table more."""
+    return "[fog.conditions]", f"[fog.{table}]\n{line}\n[fog.conditions]"
 
 
 def load(folder, text: str):
@@ -167,24 +182,44 @@ def test_a_class_makes_its_cloud(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[fog]", "[fog]\ncolour = 1", r"class fog has unknown key\(s\) colour"),
-        ("threshold = 0.1", "", r"class fog lacks the key\(s\) threshold"),
-        ("shell_top_m = 300", "", r"fog, conditions lacks the key\(s\) shell_top_m"),
-        ("= 300", "= 'high'", "class fog, conditions: shell_top_m must be a number"),
+        ("[fog]", "[fog]\ncolour = 1", "class fog has an unknown key, 'colour'"),
+        ("threshold = 0.1", "", "class fog has no threshold: add"),
+        ("shell_top_m = 300", "", "fog, conditions has no shell_top_m"),
+        (
+            "= 300",
+            "= 'high'",
+            "class fog, conditions gives shell_top_m = 'high': make it a number",
+        ),
         ("= 0.95", "= 95", "class fog, conditions: critical_relative_humidity"),
-        ("top_m = 200", "top_m = 10", "class fog: base_m must be less than top_m"),
+        ("top_m = 200", "top_m = inf", "class fog gives top_m = inf: make it a finite"),
         ("= 0.02", "= 0", "class fog: extinction_per_m must be positive"),
-        ("= 0.02", "= nan", "class fog: extinction_per_m must be positive"),
-        ('"water"', '"snow"', "class fog: particles must be"),
-        ('"water"', "3", "class fog: particles must be"),
-        ('"perlin"', '"simplex"', "class fog, texture 1: must be a table with fractal"),
-        ("cells = 8", "cells = 8.5", "texture 2: cells must be a whole number"),
-        ("cells = 8", "octaves = 8", r"texture 2 has unknown key\(s\) octaves"),
+        ("= 0.02", "= nan", "class fog gives extinction_per_m = nan: make it a finite"),
+        (
+            '"water"',
+            '"snow"',
+            'class fog gives particles = .*: make it "water" or "ice"',
+        ),
+        ('"water"', "3", 'class fog gives particles = .*: make it "water" or "ice"'),
+        ('"perlin"', '"simplex"', "class fog, texture 1 must be a table with fractal"),
+        (
+            "cells = 8",
+            "cells = 8.5",
+            "texture 2 gives cells = 8.5: make it a whole number",
+        ),
+        ("cells = 8", "octaves = 8", "texture 2 has an unknown key, 'octaves'"),
         ("= 19e3", "= 0", "class fog, texture 2: length_scale_m of a texture"),
         ("= 1.5", "= -1", "class fog, texture 2: displacement_hours of a texture"),
         ("weight = 1\n", "weight = 2\n", "must begin with one of weight 1"),
         ("[[fog.textures]]", "[fog.texture]", "not valid TOML"),
         ("[fog]", "[fog", "not valid TOML"),
+        (*_added("imagery", "colder = 3"), "fog, imagery has an unknown key, 'colder'"),
+        (*_added("priors", "top_m = 3"), "prior of top_m must be a table"),
+        (*_added("priors", "top_m = {lower = 1, upper = 9}"), "has no spread"),
+        (*_added("priors", _PRIOR.format("top")), "priors has an unknown key, 'top'"),
+        (
+            *_added("priors", _PRIOR.format("top_m").replace("9", "1")),
+            "prior of top_m: lower must be less than upper",
+        ),
         (FIFTH, "fog = 1", "class fog must be a table"),
     ],
 )
@@ -194,3 +229,86 @@ def test_a_faulty_file_is_refused_by_a_sentence(tmp_path, old, new, message):
         load(tmp_path, FIFTH.replace(old, new))
     assert str(caught.value).count("mine.toml") == 1
     assert str(caught.value).endswith(".")
+
+
+def test_a_file_without_a_class_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"mine\.toml holds no class of cloud"):
+        load(tmp_path, "[air]\ngain_C13 = 1.0\n")
+    with pytest.raises(ValueError, match=r"mine\.toml is not a file"):
+        load_classes(tmp_path / "no" / "mine.toml")
+
+
+@pytest.mark.parametrize(
+    "classes",
+    [cloud_classes(), imagery_classes(), imagery_classes(paper_light=True)],
+    ids=["table 1", "physical", "paper"],
+)
+def test_classes_come_back_from_a_file(tmp_path, classes):
+    text = tomli_w.dumps({name: class_table(one) for name, one in classes.items()})
+    back = load(tmp_path, text)
+    assert list(back) == list(classes)
+    assert back == classes
+
+
+def test_parameters_have_usual_bounds_unless_the_file_gives_them(tmp_path):
+    usual = {p.name: p for p in load(tmp_path, FIFTH)["fog"].parameters}
+    assert list(usual) == [
+        "weight_2",
+        "mask_gain",
+        "threshold",
+        "top",
+        "barrier_scale",
+        "extinction",
+        "infrared_ratio",
+    ]
+    assert usual["threshold"].default == 0.1
+    assert usual["threshold"].prior == Prior(-4.0, 4.0, 0.7)
+    # As far as a scale beyond the shell.
+    assert usual["top"].prior == Prior(-30.0, 330.0, 1000.0)
+    assert usual["top"].unit == "m"
+    assert usual["extinction"].prior.log
+    asked = FIFTH.replace(*_added("priors", _PRIOR.format("base_m")))
+    asked = asked.replace("weight = 0.5", 'weight = 0.5\nname = "cells"')
+    own = {p.name: p for p in load(tmp_path, asked)["fog"].parameters}
+    assert own["base"].prior == Prior(1.0, 9.0, 2.0)
+    assert own["weight_cells"].default == 0.5
+    assert "weight_2" not in own
+
+
+def test_values_are_put_into_a_class_by_their_short_names(tmp_path):
+    fog = load(tmp_path, FIFTH)["fog"]
+    changed = fog.with_values({"top": 150.0, "weight_2": 0.7, "infrared_ratio": 0.4})
+    assert changed.top_m == 150.0
+    assert [t.weight for t in changed.textures] == [1.0, 0.7]
+    assert changed.absorption_ratio == 0.4
+    assert fog.absorption_ratio == pytest.approx(float(fog.optics.infrared_ratio))
+    with pytest.raises(ValueError, match="fog has no 'weight_1'"):
+        fog.with_values({"weight_1": 2.0})
+
+
+def test_a_layer_takes_its_share_of_the_physical_extinction(tmp_path):
+    fog = load(tmp_path, FIFTH)["fog"]
+    whole, share = (
+        class_layer(fog, sunlit=(1, 3), thermal=(13,), extinction_share=s)
+        for s in (1.0, 0.1)
+    )
+    assert float(share.extinction_per_m) == pytest.approx(0.002)
+    # What is absorbed in the infrared stays as it is.
+    np.testing.assert_allclose(share.absorptions_per_m, whole.absorptions_per_m, 1e-6)
+    assert whole.cloud.shell == fog.marched
+    assert class_layer(fog, movable=True).cloud.shell == fog.shell
+    assert class_layer(fog).relative_absorption.shape == (0,)
+
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def test_the_classes_of_the_documents_can_be_read_and_fitted(tmp_path):
+    blocks = re.findall(r"```toml\n(.*?)```", (DOCS / "formats.md").read_text(), re.S)
+    (fog,) = (block for block in blocks if block.startswith("[fog]"))
+    example = load_classes(DOCS / "classes_example.toml")
+    assert example["anvil_cirrus"].imagery is not None
+    assert {n: example[n] for n in cloud_classes()} == cloud_classes()
+    for one in (load(tmp_path, fog)["fog"], *example.values()):
+        for p in one.parameters:
+            assert p.prior.lower < p.default < p.prior.upper, p

@@ -1,10 +1,13 @@
 """The fixed grid of the imager against its user's guide and against pyproj."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyproj
 import pytest
 
-from cloudjax import FixedGrid
+from cloudjax import Ellipsoid, FixedGrid
+from tests.generated import window
 
 
 HEIGHT_M = 35786023.0
@@ -47,7 +50,7 @@ def test_the_sweep_matters_off_the_axes():
 
 
 def test_rays_run_row_by_row_and_know_their_pixel():
-    grid = _grid([-2e-3, -1e-3, 1e-3], [0.02, 0.01])
+    grid = _grid([-1e-3, 0.0, 1e-3], [0.02, 0.01])
     rays = grid.rays()
     assert grid.shape == (2, 3)
     assert len(rays) == 6
@@ -72,6 +75,31 @@ def test_the_satellite_stands_over_the_equator_at_its_longitude():
     assert np.linalg.norm(satellite) == pytest.approx(42164160.0, abs=1e-6)
     assert np.degrees(np.arctan2(satellite[1], satellite[0])) == pytest.approx(-75)
     assert satellite[2] == 0
+
+
+def test_resolutions_nest():
+    coarse, fine = window((3, 5), 5.6e-5), window((12, 20), 1.4e-5)
+    assert fine.coarsened(4).same_as(coarse)
+    assert not fine.coarsened(2).same_as(coarse)
+    shifted = replace(coarse, x_rad=coarse.x_rad + 2e-7)
+    assert not shifted.same_as(coarse)
+    for other in (
+        {"subsatellite_longitude_deg": -75.0},
+        {"perspective_height_m": 35785863.0},
+        {"ellipsoid": Ellipsoid(6378137.0, 6356752.3)},
+        {"sweep": "y"},
+    ):
+        assert not replace(coarse, **other).same_as(coarse)
+    with pytest.raises(ValueError, match="choose a divisor"):
+        coarse.coarsened(2)
+
+
+@pytest.mark.parametrize("shape", [(2, 3), (2, 1), (1, 1)])
+def test_step(shape):
+    expected = 0.0 if shape == (1, 1) else 5.6e-5
+    grid = window(shape)
+    assert grid.step_rad == pytest.approx(expected)
+    assert grid.rays().pixel_rad == grid.step_rad
 
 
 # -- the sectors of ABI

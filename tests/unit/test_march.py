@@ -144,7 +144,7 @@ def test_clear_air_has_finite_surfaces(variance):
     surface = _surface(np.zeros(4), np.zeros((4, 3)), variance)
     assert jnp.isfinite(surface.distance_m).all()
     assert jnp.isfinite(surface.normal).all()
-    for light in surface.illumination(numbers(0, 0, 1)):
+    for light in surface.illumination(numbers(0, 0, 1)[None]):
         assert jnp.isfinite(light).all()
 
 
@@ -154,7 +154,7 @@ def test_a_smooth_surface_is_lit_by_the_cosine(zenith):
     θ = np.radians(zenith)
     sun = np.array([np.sin(θ), 0, np.cos(θ)])
     surface = _surface([1.0], [[-3e-4, 0, -4e-4]])
-    lit, shaded = surface.illumination(numbers(*sun))
+    lit, shaded = surface.illumination(numbers(*sun)[None])
     cosine = 0.6 * sun[0] + 0.8 * sun[2]
     assert float(lit[0, 0]) == pytest.approx(max(cosine, 0), abs=1e-4)
     assert float(shaded[0, 0]) == pytest.approx(max(-cosine, 0), abs=1e-4)
@@ -225,7 +225,7 @@ def test_a_rough_surface_is_lit_as_the_mean_of_its_parts(tilt, roughness, direct
             )
             cosine = normals @ sun
             for found, part in zip(
-                surface.illumination(numbers(*sun)),
+                surface.illumination(numbers(*sun)[None]),
                 (np.maximum(cosine, 0), np.maximum(-cosine, 0)),
                 strict=True,
             ):

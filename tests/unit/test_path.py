@@ -13,14 +13,13 @@ from cloudjax.geometry.path import (
     Path,
     Profile,
     along_chord,
-    drift_m,
     middles,
     navigate,
     points_along,
-    strain,
 )
 from cloudjax.geometry.shells import chords
-from tests.helpers import ground_points, rays_to
+from cloudjax.weather.drift import drift_m, strain
+from tests.helpers import TurnedAir, ground_points, rays_to
 
 
 SHELL = Shell(500.0, 12e3)
@@ -149,14 +148,6 @@ def test_between_knots_values_are_linear(knots):
     np.testing.assert_allclose(found[1], np.interp(there, at, at**2), atol=1e-6)
 
 
-class _Turned:
-    """Solid air that came from 30 degrees further west."""
-
-    def displacement_of(self, points):
-        c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
-        return points @ jnp.array([[c - 1, -s, 0], [s, c - 1, 0], [0, 0, 0]])
-
-
 @pytest.mark.parametrize(("x64", "metres"), [(True, 1e-6), (False, 2.0)])
 def test_air_drifts_at_its_altitude(x64, metres):
     """3000 km and more: float32 loses a part in ten million."""
@@ -165,16 +156,17 @@ def test_air_drifts_at_its_altitude(x64, metres):
     here = ecef(latitude, longitude, altitude)
     with jax.enable_x64(x64):
         vertical = jnp.asarray(up(latitude, longitude), float)
-        found = drift_m(vertical, jnp.asarray(altitude, float), _Turned())
+        found = drift_m(vertical, jnp.asarray(altitude, float), TurnedAir.by(30.0))
     expected = ecef(latitude, longitude - 30, altitude) - here
     np.testing.assert_allclose(found, expected, atol=metres)
 
 
 def test_solid_air_is_turned_and_not_strained():
     """∂x'/∂x is the rotation itself; on the ellipsoid off by twice the flattening."""
-    turn = np.eye(3) + np.asarray(_Turned().displacement_of(jnp.eye(3))).T
+    air = TurnedAir.by(30.0)
+    turn = np.eye(3) + np.asarray(air.displacement_of(jnp.eye(3))).T
     vertical = up(np.array([0.0, 50.0, -80.0]), np.array([0.0, 100.0, -20.0]))
-    found = strain(jnp.asarray(vertical, float), _Turned())
+    found = strain(jnp.asarray(vertical, float), air)
     np.testing.assert_allclose(found, np.broadcast_to(turn, (3, 3, 3)), atol=4e-3)
 
 

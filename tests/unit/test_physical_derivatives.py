@@ -6,13 +6,12 @@ Both modes in float32, at the size of a fit's tile, against differences in float
 import dataclasses
 import functools as ft
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import EmittingSlabs, PlaneParallel, Slabs, navigate, radiances, sample
+from cloudjax import EmittingSlabs, PlaneParallel, Slabs, radiances
 from tests.helpers import (
     emissive_bands,
     fractal_cloud,
@@ -20,10 +19,11 @@ from tests.helpers import (
     layer,
     make_background,
     make_scene,
-    make_textures,
+    over,
     pixel,
     reflective_bands,
     sun,
+    view_along,
 )
 
 
@@ -61,9 +61,9 @@ def _scene(vector):
     )
 
 
-def _seen(vector, sampled, background):
+def _seen(vector, view, background):
     """Mean and mean square of each band, all of about the size of one."""
-    seen = radiances(_scene(vector), sampled, background)
+    seen = radiances(over(_scene(vector), background), view)
     assert seen.reflective is not None
     assert seen.emissive is not None
     values = seen.reflective[0] / 100, seen.emissive[0] / 100
@@ -78,11 +78,11 @@ def _compiled():
 
 def _data(zenith: float, mask: float):
     scene = _scene(START.values())
+    background = make_background(scene, RAYS)
     masks = [lambda φ, λ: (φ - 20) / 2 + mask]
-    view = navigate(scene, geostationary_rays(RAYS), sun(zenith), masks)
-    textures = make_textures(scene, pixel(3e3))
-    sampled = eqx.filter_jit(sample)(scene, view, textures)
-    return sampled, make_background(scene, RAYS)
+    rays, scene = geostationary_rays(RAYS), over(scene, background)
+    view = view_along(scene, rays, sun(zenith), masks, footprint=pixel(3e3))
+    return view, background
 
 
 def _differences(f, x):

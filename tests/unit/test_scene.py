@@ -1,5 +1,6 @@
 """Scenes: limits that need no renderer, and what is left out of the computation."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -13,26 +14,29 @@ from cloudjax import (
     Rays,
     Scene,
     Shell,
+    TemperatureGrid,
     TemperatureProfile,
     TwoFlux,
-    navigate,
     products,
     radiances,
-    sample,
 )
-from cloudjax.march.scene import join
+from cloudjax.geometry.latlon_grid import LatLonGrid
+from cloudjax.march.view import sample
 from tests.helpers import (
     arrays,
     emissive_bands,
     fractal_cloud,
     geostationary_rays,
+    lay_along,
     layer,
     make_background,
     make_scene,
     make_textures,
+    over,
     reflective_bands,
     seen_along,
     sun,
+    view_along,
 )
 
 
@@ -83,8 +87,8 @@ def test_a_thin_isothermal_cloud_emits_what_it_absorbs():
     scene = _scene(_layer(function=FULL, extinction_per_m=4e-4))
     assert scene.emissive is not None
     _, emitted = arrays(_seen(scene))
-    view = navigate(scene, _rays(), sun(30.0))
-    passed = np.exp(-4e-4 * 0.4 * np.asarray(view.ways[0].path.length_m))
+    ways = lay_along(scene, _rays(), sun(30.0)).of_sources
+    passed = np.exp(-4e-4 * 0.4 * np.asarray(ways[0].path.length_m))
     planck = float(scene.emissive.planck(jnp.asarray(250.0))[0])
     np.testing.assert_allclose(
         emitted[0], planck * (1 - passed) + 100 * passed, rtol=1e-5
@@ -154,17 +158,17 @@ def test_night_leaves_thermal_light_alone():
 def test_what_is_not_asked_is_not_computed(asked):
     bands = (reflective_bands(1), None) if asked else (None, emissive_bands(13))
     scene = make_scene([layer(fractal_cloud())], *bands)
-    view = navigate(scene, _rays(), sun(30.0))
+    ways = lay_along(scene, _rays(), sun(30.0))
 
-    def run(scene, view, textures, background):
-        sampled = sample(scene, view, textures)
+    def run(scene, ways, textures):
+        view = sample(scene, ways, textures)
         occupancy = scene.layers[0].cloud.occupancy(
-            sampled.clouds[0], scene.layers[0].steps
+            view.samples[0], scene.layers[0].steps
         )
-        return sampled.clouds[0], occupancy, radiances(scene, sampled, background)
+        return view.samples[0], occupancy, radiances(scene, view)
 
     samples, occupancy, seen = eqx.filter_eval_shape(
-        run, scene, view, make_textures(scene), make_background(scene, RAYS)
+        run, scene, ways, make_textures(scene)
     )
     assert (samples.texture_gradients is not None) == asked
     assert (samples.up is not None) == asked
@@ -174,13 +178,13 @@ def test_what_is_not_asked_is_not_computed(asked):
 
 
 def _shapes(scene: Scene) -> BandRadiances:
-    view = navigate(scene, _rays(), sun(30.0))
-    background = make_background(scene, RAYS)
+    scene = over(scene, make_background(scene, RAYS))
+    ways = lay_along(scene, _rays(), sun(30.0))
 
-    def seen(scene, view, textures, background):
-        return radiances(scene, sample(scene, view, textures), background)
+    def seen(scene, ways, textures):
+        return radiances(scene, sample(scene, ways, textures))
 
-    return eqx.filter_eval_shape(seen, scene, view, make_textures(scene), background)
+    return eqx.filter_eval_shape(seen, scene, ways, make_textures(scene))
 
 
 def test_a_visible_scene_never_asks_for_the_temperature():
@@ -233,8 +237,8 @@ def test_layers_multiply_their_transmittances():
     found = _seen(scene).emissive
     assert found is not None
     assert scene.emissive is not None
-    view = navigate(scene, _rays(), sun(30.0))
-    t = [np.exp(-3e-4 * 0.4 * np.asarray(w.path.length_m)) for w in view.ways]
+    ways = lay_along(scene, _rays(), sun(30.0)).of_sources
+    t = [np.exp(-3e-4 * 0.4 * np.asarray(way.path.length_m)) for way in ways]
     b = float(scene.emissive.planck(jnp.asarray(250.0))[0])
     expected = b * (1 - t[0]) + t[0] * (b * (1 - t[1]) + t[1] * 100)
     np.testing.assert_allclose(found[0], expected, rtol=1e-5)
@@ -246,8 +250,7 @@ def test_a_scene_without_bands_is_refused():
 
 
 def _products(scene: Scene):
-    view = navigate(scene, _rays(), sun(30.0))
-    return products(scene, sample(scene, view, make_textures(scene)))
+    return products(scene, view_along(scene, _rays(), sun(30.0)))
 
 
 def test_products_of_a_full_cloud_are_those_of_a_slab():
@@ -279,28 +282,28 @@ def test_half_a_cover_is_where_the_depth_is_visible():
     np.testing.assert_allclose(_products(scene).fraction, 0.5, atol=1e-3)
 
 
-def test_samples_of_parts_join_to_those_of_the_whole():
+def test_some_rays_of_a_view_are_sampled_as_they_are_alone():
     scene, rays = _scene(_layer()), _rays()
-    textures = make_textures(scene)
-
-    def sampled(some):
-        return sample(scene, navigate(scene, some, sun(30.0)), textures)
-
-    whole, joined = sampled(rays), join([sampled(rays[:10]), sampled(rays[10:])])
-    assert jax.tree.structure(whole) == jax.tree.structure(joined)
-    for a, b in zip(jax.tree.leaves(whole), jax.tree.leaves(joined), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-5)
+    whole = view_along(scene, rays, sun(30.0))
+    for some in (slice(0, 10), np.array([3, 30, 11])):
+        part, alone = whole[some], view_along(scene, rays[some], sun(30.0))
+        assert len(part) == len(alone) == len(rays[some])
+        assert jax.tree.structure(part) == jax.tree.structure(alone)
+        for a, b in zip(jax.tree.leaves(part), jax.tree.leaves(alone), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-5)
 
 
 def test_air_that_differs_from_place_to_place_warms_the_cloud():
     """A black cloud as warm as the latitude says, 250 K + 10 K per degree."""
     scene = _scene(_layer(function=FULL, extinction_per_m=1.0))
+    latitude, longitude = np.arange(10.0, 31.0), np.arange(0.0, 21.0)
+    kelvin = 250 + 10 * (latitude - 20)[:, None, None] + np.zeros((21, 21, 2))
+    air = TemperatureGrid(
+        jnp.asarray(kelvin, float), LatLonGrid.from_axes(latitude, longitude), 20e3
+    )
+    scene = dataclasses.replace(scene, temperature=air)
     assert scene.emissive is not None
-
-    def air(latitude, longitude, altitude_m):
-        return 250 + 10 * (latitude - 20) + 0 * altitude_m
-
-    _, emitted = arrays(_seen(scene, temperature=air))
+    _, emitted = arrays(_seen(scene))
     kelvin = 250 + 10 * (_rays().ground()[0].latitude_deg - 20)
     # The cloud lies 4 km above the ground: a hundredth of a degree.
     low, high = (scene.emissive.planck(jnp.asarray(kelvin + d)) for d in (-1.0, 1.0))

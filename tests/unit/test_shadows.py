@@ -10,23 +10,27 @@ import numpy as np
 import pytest
 
 from cloudjax import (
+    FractalCloud,
     Rays,
+    Sampling,
     Scene,
     Shadows,
     Shell,
     Wind,
     displacement_map,
-    navigate,
-    sample,
+    radiances,
 )
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import geodetic
 from cloudjax.geometry.path import on_chord
 from cloudjax.geometry.shells import Chords, chords
-from cloudjax.march.shadows import dimming
+from cloudjax.march.shadows import Shades, dimming
+from cloudjax.march.view import sample
 from tests.helpers import (
     emissive_bands,
     fractal_cloud,
     geostationary_rays,
+    lay_along,
     layer,
     limb_rays,
     make_scene,
@@ -34,6 +38,7 @@ from tests.helpers import (
     pixel,
     reflective_bands,
     sun,
+    view_along,
 )
 
 
@@ -54,6 +59,14 @@ def _layer(extinction: Any = 0.01, shell: Shell | None = None, **changes):
     return dataclasses.replace(one, **particles)
 
 
+def _for_each(direction: np.ndarray):
+    return jnp.broadcast_to(jnp.asarray(direction, float), (len(RAYS), 3))
+
+
+def _blown(cloud: FractalCloud, moved) -> FractalCloud:
+    return dataclasses.replace(cloud, displacements=(moved, moved))
+
+
 def test_values_on_a_chord_are_linear_between_knots_and_beyond():
     knots = [jnp.asarray([0.0]), jnp.asarray([2.0]), jnp.asarray([3.0])]
     for at, expected in ((0.0, 0), (0.25, 1), (0.5, 2), (1.0, 3), (-0.5, -2), (2.0, 5)):
@@ -69,13 +82,13 @@ def test_a_branch_runs_towards_the_sun(knots, part):
     left = part * chord.length_m
     ends = np.array([200.0, 500.0, 1500.0, 4000.0])
     branch = cloud.branch(
-        cloud.navigate(RAYS, chord, knots=knots),
+        cloud.navigate(RAYS, chord, Sampling(POINT, knots, knots)),
         jnp.asarray(left, float),
-        jnp.asarray(direction, float),
+        _for_each(direction),
         jnp.broadcast_to(jnp.asarray(ends, float), (len(RAYS), 4)),
     )
     textures = cloud.make_textures(pixel(500.0), 32)
-    found = cloud.sample(branch, textures, steps=3, with_gradient=False)
+    found = cloud.sample(branch, textures, steps=3, slopes=False)
     middle = (ends[1:] + ends[:-1]) / 2
     start = RAYS.at(chord.entry_m + left)
     place = start[:, None] + middle[None, :, None] * direction
@@ -101,21 +114,20 @@ def test_a_branch_follows_the_wind():
     northward = 5 * np.sin(np.radians(latitude))[None, :, None] + np.zeros((1, 19, 36))
     eastward = np.full((1, 19, 36), 20.0)
     wind = Wind(eastward, northward, latitude, longitude, radius_m=6.378e6)
-    cloud, direction = fractal_cloud(), sun(60.0)
     moved = displacement_map(wind, hours=10.0, resolution_deg=5.0)
+    cloud, direction = _blown(fractal_cloud(), moved), sun(60.0)
     chord = chords(RAYS, cloud.shell)
     left = 0.6 * chord.length_m
     ends = jnp.broadcast_to(jnp.linspace(0, 4000.0, 4)[None], (len(RAYS), 4))
-    way = cloud.navigate(RAYS, chord, None, moved)
-    aside = jnp.asarray(direction, float)
-    branch = cloud.branch(way, jnp.asarray(left, float), aside, ends)
+    way = cloud.navigate(RAYS, chord, Sampling(POINT))
+    branch = cloud.branch(way, jnp.asarray(left, float), _for_each(direction), ends)
     start = RAYS.at(chord.entry_m + left)
     onward = Rays(start, np.broadcast_to(direction, start.shape), RAYS.pixel_rad)
     whole = Chords(np.zeros(len(RAYS)), np.full(len(RAYS), 4000.0))
     textures = cloud.make_textures(pixel(500.0), 32)
     found, expected = (
-        cloud.sample(one, textures, steps=3, with_gradient=False)
-        for one in (branch, cloud.navigate(onward, whole, None, moved))
+        cloud.sample(one, textures, steps=3, slopes=False)
+        for one in (branch, cloud.navigate(onward, whole, Sampling(POINT)))
     )
     for values, truth in zip(
         found.texture_values, expected.texture_values, strict=True
@@ -123,18 +135,20 @@ def test_a_branch_follows_the_wind():
         np.testing.assert_allclose(values.values, truth.values, atol=0.01)
 
 
+def _shades(scene: Scene) -> Shades | None:
+    ways = lay_along(scene, RAYS, sun(30.0))
+    return eqx.filter_eval_shape(sample, scene, ways, make_textures(scene)).shades
+
+
 def test_what_is_not_asked_is_not_looked_for():
     for scene in (_scene(shadows=None), _scene(thermal=True)):
-        view = navigate(scene, RAYS, sun(30.0))
-        shapes = eqx.filter_eval_shape(sample, scene, view, make_textures(scene))
-        assert shapes.shades is None
+        assert _shades(scene) is None
 
 
 def test_layers_below_shade_nothing_above():
     low, high = _layer(), _layer(shell=Shell(4000.0, 6000.0))
     scene = _scene(low, high)
-    view = navigate(scene, RAYS, sun(30.0))
-    shades = eqx.filter_eval_shape(sample, scene, view, make_textures(scene)).shades
+    shades = _shades(scene)
     assert shades is not None
     cast = [[shade is not None for shade in way] for way in shades.ways]
     assert cast == [[True, True], [False, True]]
@@ -143,39 +157,48 @@ def test_layers_below_shade_nothing_above():
 def test_no_steps_are_refused():
     with pytest.raises(ValueError, match="leave them out"):
         Shadows(0)
+    with pytest.raises(ValueError, match="at both ends of a way"):
+        Shadows(points=1)
 
 
-def _left(x, view, textures):
+# Of the ray's way where its light turns, between the points that are looked from.
+PART = jnp.linspace(-0.1, 1.1, len(RAYS))
+
+
+def _left(x, view):
     """Mean and mean square of what shadows leave of a cloud's light and the ground's.
 
-    For threshold, top and the logarithm of the extinction.
+    For threshold, top, the logarithm of the extinction and where light turns.
     """
     cloud = {"threshold": 0.2 + 0.1 * x[0], "top_m": 3e3 + 200 * x[1]}
     scene = _scene(_layer(0.01 * jnp.exp(x[2]), **cloud))
-    shades = sample(scene, view, textures).shades
-    assert shades is not None
+    assert view.shades is not None
     sources = [one.cloud for one in scene.layers]
     returned = [one.returned_per_m for one in scene.layers]
+    part = jnp.resize(PART, view.shades.ground[0].rise_m.shape[0]) + 0.1 * x[3]
     left = (
-        dimming(shades.ways[0], sources, returned, own=0),
-        dimming(shades.ground, sources, returned),
+        dimming(view.shades.ways[0], sources, returned, own=0, part=part),
+        dimming(view.shades.ground, sources, returned),
     )
     return jnp.stack([f(part) for part in left for f in (jnp.mean, jnp.var)])
 
 
 def test_derivatives_of_both_modes_and_differences_agree():
-    """In double precision, through the points that are shaded as well."""
+    """In double precision, through the point where light turns as well.
+
+    The samples towards the sun do not depend on it: it only says where between the
+    points of a ray they are read.
+    """
     with jax.enable_x64(True):
-        scene = _scene()
-        data = navigate(scene, RAYS, sun(60.0)), make_textures(scene, pixel(2e3))
+        view = view_along(_scene(), RAYS, sun(60.0), footprint=pixel(2e3))
 
         @jax.jit
         def forward(x):
-            return jax.jacfwd(lambda x: (_left(x, *data),) * 2, has_aux=True)(x)
+            return jax.jacfwd(lambda x: (_left(x, view),) * 2, has_aux=True)(x)
 
-        found, _ = forward(jnp.zeros(3))
-        reverse = jax.jit(jax.jacrev(lambda x: _left(x, *data)))(jnp.zeros(3))
-        ends = [forward(s)[1] - forward(-s)[1] for s in 1e-5 * jnp.eye(3)]
+        found, _ = forward(jnp.zeros(4))
+        reverse = jax.jit(jax.jacrev(lambda x: _left(x, view)))(jnp.zeros(4))
+        ends = [forward(s)[1] - forward(-s)[1] for s in 1e-5 * jnp.eye(4)]
         differences = jnp.stack(ends, axis=-1) / 2e-5
     np.testing.assert_allclose(found, reverse, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(found, differences, rtol=1e-4, atol=1e-6)
@@ -194,16 +217,44 @@ HARD = [
 
 def test_hard_cases_are_finite():
     """Sun at the horizon, empty and full sky, optical depths of 0 and 1e7, the limb."""
-    scene = _scene()
     rays = limb_rays(-5e3, 1e3, 3e3, 1e4)
 
     @jax.jit
-    def both(x, view, textures):
-        return jax.jacfwd(lambda x: (_left(x, view, textures),) * 2, has_aux=True)(x)
+    def both(x, view):
+        return jax.jacfwd(lambda x: (_left(x, view),) * 2, has_aux=True)(x)
 
-    textures = make_textures(scene)
     for threshold, log, zenith in HARD:
-        view = navigate(scene, rays, sun(zenith, 0.0, 90.0), twice=True)
-        x = jnp.asarray([threshold, 0.0, log])
-        for part in both(x, view, textures):
+        view = view_along(_scene(), rays, sun(zenith, 0.0, 90.0), twice=True)
+        x = jnp.asarray([threshold, 0.0, log, 0.0])
+        for part in both(x, view):
             assert np.isfinite(part).all(), (threshold, log, zenith)
+
+
+def _bright(view, scene):
+    seen = radiances(scene, view).reflective
+    assert seen is not None
+    return np.asarray(seen)
+
+
+@pytest.mark.parametrize("change", [{"threshold": -0.3}, {"top_m": 2200.0}])
+def test_a_view_with_shadows_follows_the_parameters(change):
+    """The samples towards the sun are those of geometry alone."""
+    view = view_along(_scene(), RAYS, sun(60.0))
+    changed = _scene(_layer(**change))
+    again = view_along(changed, RAYS, sun(60.0))
+    found, expected = _bright(view, changed), _bright(again, changed)
+    np.testing.assert_array_equal(found, expected)
+    unshaded = dataclasses.replace(changed, shadows=None)
+    plain = _bright(view_along(unshaded, RAYS, sun(60.0)), unshaded)
+    assert np.abs(found - plain).max() > 0.005 * plain.max()
+
+
+def test_more_points_of_a_ray_find_the_shadows_of_few():
+    """Depths are linear between 5 points of a ray; 17 change less than shadows do."""
+
+    def seen(shadows):
+        scene = _scene(shadows=shadows)
+        return _bright(view_along(scene, RAYS, sun(60.0)), scene)
+
+    none, few, many = (seen(s) for s in (None, Shadows(4), Shadows(4, points=17)))
+    assert np.abs(few - many).mean() < 0.15 * np.abs(many - none).mean()

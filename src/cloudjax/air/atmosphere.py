@@ -1,4 +1,4 @@
-"""Temperature, pressure and density of clear air by altitude.
+"""Temperature and pressure of clear air depend on altitude here.
 
 The US Standard Atmosphere 1976 (NOAA-S/T 76-1562, table 4 and equations 18, 23, 33),
 and profiles from a weather analysis, both as callables from altitude to temperature.
@@ -10,12 +10,13 @@ import operator as op
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 
 # The constants of the standard itself, which differ from today's CODATA values.
-EARTH_RADIUS_M = 6_356_766.0  # effective, for geopotential only
+GEOPOTENTIAL_RADIUS_M = 6_356_766.0  # r₀, effective: of no use but for geopotential
 GRAVITY_M_S2 = 9.80665
 GAS_CONSTANT_J_KG_K = 8314.32 / 28.9644  # dry air
 SEA_LEVEL_TEMPERATURE_K = 288.15
@@ -38,8 +39,9 @@ def _geopotential_m(altitude_m):
     """H = r₀z/(r₀ + z), held at the ends of the standard: -5 and 84.852 km."""
     # clipped first: far below the ground r₀ + z would vanish
     z = jnp.clip(altitude_m, -5_100.0, 87_000.0)
+    r0 = GEOPOTENTIAL_RADIUS_M
     highest = sum(thickness for thickness, _ in _LAYERS)
-    return jnp.clip(EARTH_RADIUS_M * z / (EARTH_RADIUS_M + z), _LOWEST_M, highest)
+    return jnp.clip(r0 * z / (r0 + z), _LOWEST_M, highest)
 
 
 def _segments(altitude_m):
@@ -55,20 +57,20 @@ def _segments(altitude_m):
 
 
 def temperature_k(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Temperature [K] of the US Standard Atmosphere 1976 at geometric altitude [m].
+    """Return the temperature [K] of the US Standard Atmosphere 1976 at altitudes [m].
 
-    Differentiable but for kinks between layers (11, 20, 32, 47, 51, 71 km'). Outside
-    -5 km to 86 km the value at the end is held.
+    It is differentiable but for kinks between layers (11, 20, 32, 47, 51, 71 km').
+    Outside -5 km to 86 km the value at the end is held.
     """
     warmer = [lapse * height for height, lapse, _ in _segments(altitude_m)]
     return ft.reduce(op.add, warmer) + SEA_LEVEL_TEMPERATURE_K
 
 
 def pressure_pa(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Pressure [Pa] of the US Standard Atmosphere 1976 at geometric altitude [m].
+    """Return the pressure [Pa] of the US Standard Atmosphere 1976 at altitudes [m].
 
-    Hydrostatic, equations (33a) and (33b). Outside -5 km to 86 km the value at the end
-    is held.
+    It is hydrostatic: equations (33a) and (33b) of the standard. Outside -5 km to 86 km
+    the value at the end is held.
     """
     # ∫dH/T; log1p stays accurate at the base of each layer
     paths = [
@@ -79,35 +81,41 @@ def pressure_pa(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*point
     return SEA_LEVEL_PRESSURE_PA * jnp.exp(-scale_heights)
 
 
-def density_kg_m3(altitude_m: Float[ArrayLike, "*points"]) -> Float[Array, "*points"]:
-    """Density [kg m⁻³] of the US Standard Atmosphere 1976 at geometric altitude [m]."""
-    return pressure_pa(altitude_m) / (GAS_CONSTANT_J_KG_K * temperature_k(altitude_m))
-
-
 class AbstractTemperature(eqx.Module):
-    """Air temperature as a function of altitude."""
+    """A temperature of the air is a function of altitude."""
 
     @abc.abstractmethod
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
+
+    def at(
+        self,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+        altitude_m: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, " points"] | None:
+        """Return the temperature [K] at places, on the host, or None if it is
+        everywhere the same at an altitude.
+        """
+        return None
 
 
 class StandardAtmosphere(AbstractTemperature):
-    """`temperature_k`, warmer by `offset_k` kelvin at every altitude."""
+    """The air is `offset_k` kelvin warmer than `temperature_k` says, everywhere."""
 
-    offset_k: Float[ArrayLike, ""] = 0.0
+    offset_k: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
         return temperature_k(altitude_m) + self.offset_k
 
 
 class TemperatureProfile(AbstractTemperature):
-    """Piecewise linear temperature, such as one column of a weather analysis.
+    """The temperature is linear between levels, such as one column of an analysis.
 
     - `altitude_m`: [level] strictly ascending, at least two.
     - `temperature_k`: [level].
@@ -118,7 +126,7 @@ class TemperatureProfile(AbstractTemperature):
 
     altitude_m: Float[Array, " level"] = eqx.field(converter=jnp.asarray)
     temperature_k: Float[Array, " level"] = eqx.field(converter=jnp.asarray)
-    offset_k: Float[ArrayLike, ""] = 0.0
+    offset_k: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __check_init__(self):
         levels = self.altitude_m.size
@@ -139,7 +147,7 @@ class TemperatureProfile(AbstractTemperature):
     def __call__(
         self, altitude_m: Float[ArrayLike, "*points"]
     ) -> Float[Array, "*points"]:
-        """Temperature [K] at geometric altitude [m]."""
+        """Return the temperature [K] at geometric altitudes [m]."""
         profile = jnp.interp(
             jnp.asarray(altitude_m), self.altitude_m, self.temperature_k
         )

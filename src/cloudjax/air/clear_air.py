@@ -1,4 +1,4 @@
-"""Clear air above clouds and ground: what it takes, what it emits, what it scatters.
+"""Clear air above clouds and ground absorbs, emits and scatters light.
 
 **Emission.** Let t(z) be the transmittance from altitude z to space along a ray, A(z)
 the radiance of the air above z. A black body at z is seen as
@@ -13,7 +13,7 @@ the ray need no change.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -21,15 +21,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cloudjax.geometry.geodesy import up
+from cloudjax.geometry.geodesy import MEAN_RADIUS_M, up
 from cloudjax.geometry.path import device_array
-from cloudjax.geometry.rays import Rays
+from cloudjax.geometry.rays import GroundPoints, Rays
 from cloudjax.geometry.shells import Shell
 from cloudjax.light.bands import EmissiveBands, ReflectiveBands
 
 from . import gases, rayleigh
-from .atmosphere import EARTH_RADIUS_M, AbstractTemperature
+from .atmosphere import AbstractTemperature
 from .gases import LEVELS_M, Columns
+from .profile_grid import ProfileGrid
 
 
 # Straight up from sea level; what is thinner is left out of a band.
@@ -39,11 +40,12 @@ _SCALE_HEIGHT_M = 8e3
 
 
 class Column(eqx.Module):
-    """The air along each ray, at `gases.LEVELS_M`.
+    """A column is the air along each ray, at the altitudes `gases.LEVELS_M`.
 
     **Fields:**
 
-    - `above`: absorbers, straight up.
+    - `above`: absorbers, straight up; None where they are those of the scene's own
+      temperature and humidity.
     - `temperature_k`: None where the scene's own serves.
     - `view`, `sun`: one over the lengths of slants, which are cosines but near the
       horizon.
@@ -51,7 +53,7 @@ class Column(eqx.Module):
     - `scattering`: cosine of the angle between the sun's rays and the light seen.
     """
 
-    above: Columns
+    above: Columns | None
     temperature_k: Float[Array, "rays levels"] | None
     view: Float[Array, " rays"]
     sun: Float[Array, " rays"]
@@ -60,11 +62,13 @@ class Column(eqx.Module):
 
 
 class Air(eqx.Module):
-    """The air of a scene. Viewers are above it.
+    """This is the air of a scene; viewers are above it.
 
     **Fields:**
 
-    - `specific_humidity`: at `gases.LEVELS_M`, where the weather gives none.
+    - `specific_humidity`: at `gases.LEVELS_M`, where there are no `profiles`.
+    - `profiles`: temperature and humidity that differ from place to place; None for
+      the scene's own temperature everywhere.
     - `absorbed`, `scattered`: the ABI bands in which gases and Rayleigh scattering
       count. What is not listed is neither computed nor compiled.
     """
@@ -72,14 +76,18 @@ class Air(eqx.Module):
     specific_humidity: Float[Array, " levels"]
     absorbed: tuple[int, ...] = eqx.field(static=True)
     scattered: tuple[int, ...] = eqx.field(static=True)
+    profiles: ProfileGrid | None = None
 
     @classmethod
     def of_bands(
         cls,
         bands: Sequence[int],
         specific_humidity: Float[np.ndarray, " levels"] | None = None,
+        profiles: ProfileGrid | None = None,
     ) -> "Air":
-        """With all that is thicker than 0.005 in the US standard atmosphere."""
+        """Make the air with every part that is thicker than 0.005 in a band, straight
+        up through the US standard atmosphere.
+        """
         if specific_humidity is None:
             specific_humidity = gases.standard_humidity()
         scattered = gases.scattering_depth(bands) > LEAST_DEPTH
@@ -88,42 +96,28 @@ class Air(eqx.Module):
             device_array(specific_humidity),
             tuple(b for b, counts in zip(bands, absorbed, strict=True) if counts),
             tuple(b for b, counts in zip(bands, scattered, strict=True) if counts),
+            profiles,
         )
 
-    def navigate(
+    def look(
         self,
         rays: Rays,
+        ground: GroundPoints,
         sun_direction: Float[np.ndarray, "3"],
-        temperature: AbstractTemperature,
-        profile: Callable | None = None,
     ) -> Column:
-        """The air along rays, on the host, as it is where they meet the ground.
-
-        **Arguments:**
-
-        - `temperature`: of the scene.
-        - `profile`: a callable (latitude, longitude) → temperature in kelvin and
-          specific humidity at `gases.LEVELS_M`, [points levels] both, where air differs
-          from place to place; None for that of the scene.
-        """
-        ground, _ = rays.ground()
+        """Find the air along rays, on the host, as it is where they meet the ground."""
         φ, λ = ground.latitude_deg, ground.longitude_deg
         vertical = up(φ, λ)
         sun = (vertical * sun_direction).sum(-1)
-        if profile is None:
-            kelvin = np.asarray(temperature(LEVELS_M), float)
-            above = gases.columns(kelvin, np.asarray(self.specific_humidity, float))
-            above = jax.tree.map(
-                lambda x: np.broadcast_to(x, (len(rays), len(LEVELS_M))), above
-            )
-            known = None
-        else:
-            kelvin, humidity = profile(φ, λ)
-            above, known = gases.columns(kelvin, humidity), device_array(kelvin)
+        above = known = None
+        if self.profiles is not None:
+            kelvin, humidity = self.profiles(φ, λ)
+            above = jax.tree.map(device_array, gases.columns(kelvin, humidity))
+            known = device_array(kelvin)
         # The shadow is z = R μ²/2 high where the sun is below the horizon.
-        shadow = EARTH_RADIUS_M / 2 * np.minimum(sun, 0) ** 2 / _SCALE_HEIGHT_M
+        shadow = MEAN_RADIUS_M / 2 * np.minimum(sun, 0) ** 2 / _SCALE_HEIGHT_M
         return Column(
-            jax.tree.map(device_array, above),
+            above,
             known,
             view=device_array(1 / gases.airmass(-(vertical * rays.direction).sum(-1))),
             sun=device_array(1 / gases.airmass(sun)),
@@ -131,30 +125,49 @@ class Air(eqx.Module):
             scattering=device_array(rays.direction @ sun_direction),
         )
 
+    def above(self, column: Column, temperature: AbstractTemperature) -> Columns:
+        """Return the absorbers above `LEVELS_M` along each ray, straight up.
+
+        **Arguments:** `temperature`: of the scene.
+        """
+        if column.above is not None:
+            return column.above
+        same = gases.columns(temperature(LEVELS_M), self.specific_humidity)
+        shape = (*column.sun.shape, len(LEVELS_M))
+        return jax.tree.map(lambda x: jnp.broadcast_to(x[None], shape), same)
+
     def emission(
         self, bands: EmissiveBands, column: Column, temperature: AbstractTemperature
     ) -> "Emission":
-        """Of the air above `LEVELS_M`, along each ray."""
+        """Find what the air above each of `gases.LEVELS_M` emits and lets through,
+        along each ray.
+        """
+        above = self.above(column, temperature)
         kelvin = column.temperature_k
         if kelvin is None:
             kelvin = temperature(LEVELS_M)[None]
-        shape = (len(bands.numbers), *column.above.pressure.shape)
+        shape = (len(bands.numbers), *above.pressure.shape)
         planck = jnp.broadcast_to(bands.planck(kelvin), shape)
         through, own = jnp.ones_like(planck), jnp.zeros_like(planck)
         rows = _rows(bands.numbers, self.absorbed)
         if rows.size:
             slant = 1 / column.view[:, None]
-            depth = gases.optical_depth(_of(bands.numbers, rows), column.above, slant)
+            depth = gases.optical_depth(_of(bands.numbers, rows), above, slant)
             sent = _emission(planck[rows], depth)
             through, own = through.at[rows].set(sent[0]), own.at[rows].set(sent[1])
         return Emission(planck, through, own)
 
     def veil(
-        self, bands: ReflectiveBands, column: Column, altitude_m: Float[Array, " rays"]
+        self,
+        bands: ReflectiveBands,
+        column: Column,
+        temperature: AbstractTemperature,
+        altitude_m: Float[Array, " rays"],
     ) -> "Veil":
-        """What is between the altitudes and the viewer, and the sun."""
+        """Find how the air above these altitudes [m] dims and brightens sunlight."""
         place = _Place.at(altitude_m[:, None])
-        above = jax.tree.map(lambda x: place.read(x)[:, 0], column.above)
+        above = self.above(column, temperature)
+        above = jax.tree.map(lambda x: place.read(x)[:, 0], above)
         path = jnp.zeros((len(bands.numbers), *altitude_m.shape))
         passed, albedo = jnp.ones_like(path), jnp.zeros_like(path)
         rows = _rows(bands.numbers, self.scattered)
@@ -179,7 +192,8 @@ class Air(eqx.Module):
 
 
 class Emission(eqx.Module):
-    """Of air along rays, at `gases.LEVELS_M`.
+    """This is what the air along rays emits, at `gases.LEVELS_M`, in the units of the
+    bands.
 
     **Fields:**
 
@@ -195,7 +209,8 @@ class Emission(eqx.Module):
     def black_bodies(
         self, altitude_m: Float[Array, "rays steps"], shell: Shell
     ) -> Float[Array, "bands rays steps"]:
-        """J: at the air's temperature, seen from space, at altitudes within a shell.
+        """Return J, the radiance of black bodies as warm as the air, seen from space,
+        at altitudes [m] within a shell.
 
         Its logarithm is linear between levels, as Planck's nearly is.
         """
@@ -212,13 +227,15 @@ class Emission(eqx.Module):
         return jnp.exp(found)
 
     def above(self, altitude_m: Float[Array, " rays"]) -> Float[Array, "bands rays"]:
-        """Radiance of the air above."""
+        """Return the radiance of the air above these altitudes [m]."""
         return _Place.at(altitude_m[:, None]).read(self.own)[..., 0]
 
     def over(
         self, radiance: Float[Array, "bands rays"], altitude_m: Float[Array, " rays"]
     ) -> Float[Array, "bands rays"]:
-        """What leaves the ground at these altitudes, seen from space."""
+        """Return how radiance that leaves the ground at these altitudes [m] is seen
+        from space.
+        """
         place = _Place.at(altitude_m[:, None])
         return (
             place.read(self.through)[..., 0] * radiance + place.read(self.own)[..., 0]
@@ -226,7 +243,7 @@ class Emission(eqx.Module):
 
 
 class Veil(eqx.Module):
-    """Air over something bright.
+    """A veil is the air in front of something that reflects sunlight.
 
     **Fields:**
 
@@ -242,7 +259,8 @@ class Veil(eqx.Module):
     def over(
         self, reflectance: Float[Array, "bands rays"], sun: Float[Array, " rays"]
     ) -> Float[Array, "bands rays"]:
-        """Reflectance factor of what is below, through the air, without `path`.
+        """Return the reflectance factor of what is below, seen through the air, without
+        `path`.
 
         **Arguments:** `sun`: of the `Column`.
         """

@@ -1,8 +1,9 @@
-"""What gases take from light in the ABI bands, above a place and along a slant.
+"""Gases take light away in the ABI bands, above a place and along a slant.
 
-Mean transmittances of whole bands as exp(-τ), τ smooth, positive and growing with what
-is above: three absorbers on a curve of growth each, and the self continuum of water
-vapour. tools/make_gases.py makes the table, gases.toml; docs/air.md has its error.
+Mean transmittances of whole bands are exp(-τ), with τ smooth, positive and growing with
+what is above: it adds up three absorbers on a curve of growth each and the self
+continuum of water vapour. tools/make_gases.py makes the table, gases.toml, and
+docs/theory/air.md has its error.
 """
 
 import functools as ft
@@ -18,7 +19,7 @@ from jaxtyping import Array, Float
 from cloudjax.geometry.latlon_grid import AnyArray
 
 from . import atmosphere
-from .atmosphere import EARTH_RADIUS_M, GAS_CONSTANT_J_KG_K, GRAVITY_M_S2
+from .atmosphere import GAS_CONSTANT_J_KG_K, GEOPOTENTIAL_RADIUS_M, GRAVITY_M_S2
 
 
 # Between which columns, and what they do to light, are interpolated.
@@ -33,7 +34,7 @@ CONTINUUM_K = 1800.0
 
 
 class Columns(eqx.Module):
-    """Absorbers above places.
+    """Columns count the absorbers above places.
 
     **Fields:**
 
@@ -52,28 +53,31 @@ class Columns(eqx.Module):
 
 
 def columns(
-    temperature_k: Float[np.ndarray, "*n levels"],
-    specific_humidity: Float[np.ndarray, "*n levels"],
+    temperature_k: Float[AnyArray, "*n levels"],
+    specific_humidity: Float[AnyArray, "*n levels"],
 ) -> Columns:
-    """Of profiles at `LEVELS_M`, in numpy.
+    """Integrate profiles at `LEVELS_M`, temperature in kelvin and humidity in kg/kg, to
+    the columns above each level; numpy in, numpy out.
 
-    Hydrostatic from 1013.25 hPa at sea level; precipitable water is ∫ q dp/g (Peixoto
-    & Oort 1992, eq. 12.8). Ozone is that of the standard at the same pressure.
+    Pressure is hydrostatic from 1013.25 hPa at sea level. Precipitable water is
+    ∫ q dp/g (Peixoto & Oort 1992, eq. 12.8). Ozone is that of the standard at the same
+    pressure.
     """
     q = specific_humidity
+    xp = np if isinstance(temperature_k, np.ndarray) else jnp
     virtual = temperature_k * (1 + (1 / LIGHTNESS - 1) * q)
-    g = GRAVITY_M_S2 * (EARTH_RADIUS_M / (EARTH_RADIUS_M + LEVELS_M)) ** 2
+    g = GRAVITY_M_S2 / (1 + LEVELS_M / GEOPOTENTIAL_RADIUS_M) ** 2
     steepness = g / (GAS_CONSTANT_J_KG_K * virtual)
     fall = _means(steepness) * np.diff(LEVELS_M)
-    start = np.zeros_like(fall[..., :1])
-    pressure = np.exp(-np.concatenate([start, np.cumsum(fall, axis=-1)], axis=-1))
+    start = xp.zeros_like(fall[..., :1])
+    pressure = xp.exp(-xp.concatenate([start, xp.cumsum(fall, axis=-1)], axis=-1))
     vapour = q * pressure / (LIGHTNESS + (1 - LIGHTNESS) * q)
-    cold = np.exp(CONTINUUM_K * (1 / temperature_k - 1 / 296))
+    cold = xp.exp(CONTINUUM_K * (1 / temperature_k - 1 / 296))
     # 0.1 g/cm² is 1 kg/m²; 1 atm is 101325 Pa.
-    gram = -np.diff(pressure, axis=-1) * 0.1 * 101325 / GRAVITY_M_S2
+    gram = -xp.diff(pressure, axis=-1) * 0.1 * 101325 / GRAVITY_M_S2
     standard = _table()["standard"]
     ozone, ozone_pressure = (
-        np.interp(-pressure, -standard["pressure_atm"], standard[name])
+        xp.interp(-pressure, -standard["pressure_atm"], standard[name])
         for name in ("ozone_atm_cm", "ozone_pressure_atm")
     )
     return Columns(
@@ -86,14 +90,17 @@ def columns(
 
 
 def standard_humidity() -> Float[np.ndarray, " levels"]:
-    """Specific humidity of the AFGL US standard atmosphere at `LEVELS_M`."""
+    """Return the specific humidity [kg/kg] of the AFGL US standard atmosphere at
+    `LEVELS_M`.
+    """
     return _table()["standard"]["specific_humidity"]
 
 
 def airmass(cosine: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Length of a slant over that straight up; 40 at the horizon and below.
+    """Return the length of a slant over that straight up; it is 40 at the horizon and
+    below.
 
-    Rozenberg (1966, Twilight), for cosines of zenith angles.
+    The formula is Rozenberg's (1966, Twilight), for cosines of zenith angles.
     """
     μ = np.maximum(cosine, 0.0)
     return 1 / (μ + 0.025 * np.exp(-11 * μ))
@@ -102,7 +109,7 @@ def airmass(cosine: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 def optical_depth(
     bands: Sequence[int], above: Columns, airmass: Float[AnyArray, "*#n"]
 ) -> Float[Array, "bands *n"]:
-    """Along slants to space, by ABI band."""
+    """Return the optical depth of the gases along slants to space, by ABI band."""
     rows = np.array(bands, int) - 1
     table = _table()
 
@@ -127,12 +134,16 @@ def optical_depth(
 
 
 def scattering_depth(bands: Sequence[int]) -> Float[np.ndarray, " bands"]:
-    """Rayleigh scattering straight up from 1013.25 hPa, by ABI band."""
+    """Return the optical depth of Rayleigh scattering straight up from 1013.25 hPa, by
+    ABI band.
+    """
     return _table()["scattering"][np.array(bands, int) - 1]
 
 
 def standard_depth(bands: Sequence[int]) -> Float[np.ndarray, " bands"]:
-    """Straight up from sea level in the US standard atmosphere, by ABI band."""
+    """Return the optical depth of the gases straight up from sea level in the US
+    standard atmosphere, by ABI band.
+    """
     kelvin = np.asarray(atmosphere.temperature_k(LEVELS_M), float)
     above = columns(kelvin, standard_humidity())
     depth = optical_depth(bands, above, jnp.ones(len(LEVELS_M)))
@@ -145,8 +156,9 @@ def _means(levels):
 
 def _upwards(layers):
     """Sums of all layers above each level."""
-    total = np.cumsum(layers[..., ::-1], axis=-1)[..., ::-1]
-    return np.concatenate([total, np.zeros_like(layers[..., :1])], axis=-1)
+    xp = np if isinstance(layers, np.ndarray) else jnp
+    total = xp.cumsum(layers[..., ::-1], axis=-1)[..., ::-1]
+    return xp.concatenate([total, xp.zeros_like(layers[..., :1])], axis=-1)
 
 
 @ft.cache

@@ -1,9 +1,9 @@
-"""Sunlight scattered by the molecules of the air.
+"""The molecules of the air scatter sunlight.
 
 Light scattered once is exact. What is scattered again adds up to a third of it in the
 blue and is fitted to DISORT; and most of what the air takes from a beam it sends on
 forwards, so that clouds are seen through Eddington's transmittance, direct and diffuse.
-docs/air.md has the comparison with DISORT.
+docs/theory/air.md has the comparison with DISORT.
 """
 
 import jax.numpy as jnp
@@ -25,10 +25,10 @@ def optical_depth(
     wavelength_um: Float[ArrayLike, "*n"],
     pressure_hpa: Float[ArrayLike, "*n"] = SEA_LEVEL_HPA,
 ) -> Float[Array, "*n"]:
-    """Vertical, of the air above a pressure.
+    """Return the vertical optical depth of the air above a pressure.
 
-    Bodhaine et al. (1999, J. Atmos. Oceanic Technol. 16, 1854, eq. 30), for 45° of
-    latitude and 360 ppm of CO2.
+    The formula is that of Bodhaine et al. (1999, J. Atmos. Oceanic Technol. 16, 1854,
+    eq. 30), for 45° of latitude and 360 ppm of CO2.
     """
     λ2 = jnp.asarray(wavelength_um) ** 2
     above = 1.0455996 - 341.29061 / λ2 - 0.90230850 * λ2
@@ -37,7 +37,7 @@ def optical_depth(
 
 
 def phase_function(cosine: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """P(Θ) with a mean of 1 over the sphere (Chandrasekhar 1960, section 18)."""
+    """Return P(Θ), whose mean over the sphere is 1 (Chandrasekhar 1960, section 18)."""
     return 3 / (4 + 8 * _GAMMA) * (1 + 3 * _GAMMA + (1 - _GAMMA) * cosine**2)
 
 
@@ -47,7 +47,8 @@ def reflectance(
     view: Float[Array, "*n"],
     scattering: Float[Array, "*n"],
 ) -> Float[Array, "*n"]:
-    """πL/(μ₀E) of air over nothing, within 3.5 % of DISORT for cosines from 0.1.
+    """Return πL/(μ₀E) of air over a black surface, within 3.5 % of DISORT for cosines
+    from 0.1.
 
     **Arguments:**
 
@@ -67,9 +68,9 @@ def reflectance(
 def transmittance(
     optical_depth: Float[Array, "*n"], cosine: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
-    """Of a beam, what comes through straight and scattered.
+    """Return the share of a beam that comes through, straight or scattered.
 
-    Eddington's approximation, within 0.7 % of DISORT for cosines from 0.2.
+    This is Eddington's approximation, within 0.7 % of DISORT for cosines from 0.2.
     """
     direct = jnp.exp(-optical_depth / cosine)
     fluxes = 1 + 1.5 * cosine + (1 - 1.5 * cosine) * direct
@@ -77,7 +78,7 @@ def transmittance(
 
 
 def spherical_albedo(optical_depth: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Of light from everywhere, what is sent back: 1 - 2 ∫ T(μ) μ dμ."""
+    """Return the share of light from everywhere that air returns, 1 - 2 ∫ T(μ) μ dμ."""
     lost = jnp.zeros_like(optical_depth)
     for cosine, weight in zip(_COSINES, _WEIGHTS, strict=True):
         at = jnp.full_like(optical_depth, cosine)

@@ -1,33 +1,40 @@
-"""Classes of cloud as data: when each is there, its shape, its wind and its particles.
+"""Classes of cloud: when each is there, its shape, its wind, particles and priors.
 
-The four of Schinder et al. (2024), Table 1, are in `classes.toml`; a fifth is
-written in the same way and read with `load_classes`.
+One definition serves scenes over weather and fits to imagery. The four classes of
+Schinder et al. (2024), Table 1, are in `classes.toml`, what fits start from in
+`imagery_classes.toml`; `class_files.py` reads both, and a user's own.
 """
 
-import importlib.resources
 import math
-import tomllib
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import jax.numpy as jnp
 
 from cloudjax.geometry.shells import Shell
+from cloudjax.light.optics import Particles
 from cloudjax.weather.masks import Conditions, fraction_to_mask
 
+from .class_parameters import (
+    ALTITUDE_SPREAD_M,
+    PLACES,
+    UNLESS_ASKED,
+    USUAL,
+    WEIGHT,
+    ClassParameter,
+    Prior,
+    short_name,
+)
 from .fractal import CloudFunction, FractalCloud, Latent
-from .texture import Fractal, InvertedWorley, Perlin
+from .texture import Fractal
 
 
 Phase = Literal["water", "ice"]
 # Keeps the slope of the level set finite where a texture loses nothing to a footprint.
 _SMOOTHING = 0.02
-_FRACTALS: dict[str, type[Fractal]] = {
-    "perlin": Perlin,
-    "inverted_worley": InvertedWorley,
-}
+# Of clouds whose barriers a fit may move.
+_USUAL_THICKNESS_M = 1500.0
 
 
 @dataclass(frozen=True)
@@ -40,18 +47,42 @@ class ClassTexture:
     - `length_scale_m`: its period LS_i.
     - `weight`: m_i.
     - `displacement_hours`: how long the wind has drawn it out.
+    - `name`: for the parameter that is its weight; empty is its place, from 1.
     """
 
     fractal: Fractal
     length_scale_m: float
     weight: float
     displacement_hours: float
+    name: str = ""
 
     def __post_init__(self):
         if not self.length_scale_m > 0:
             raise ValueError("length_scale_m of a texture must be positive.")
         if not self.displacement_hours >= 0:
             raise ValueError("displacement_hours of a texture must not be negative.")
+
+
+@dataclass(frozen=True)
+class ImageryRule:
+    """Which cloud pixels of imagery belong to a class.
+
+    Temperatures are compared with those of the US Standard Atmosphere 1976. An image
+    without a window band does not tell them: all its cloud is that of the classes that
+    need not be colder than anything.
+
+    **Fields:**
+
+    - `colder_than_standard_at_m`: pixels are colder than the air at this altitude.
+    - `warmer_than_standard_at_m`: pixels are no colder than the air at this altitude;
+      colder ones hide what is below them.
+    - `altitude_m`: where the clouds stand, to undo the parallax; None for the middle of
+      the shell.
+    """
+
+    colder_than_standard_at_m: float | None = None
+    warmer_than_standard_at_m: float | None = None
+    altitude_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -63,12 +94,17 @@ class CloudClass:
     - `name`: of the class.
     - `conditions`: when it is present, where the weather is sampled, and its shell.
     - `threshold`, `mask_gain`: T and g of eq. (1).
-    - `base_m`, `top_m`, `barrier_scale_m`: z_b, z_t and h of the barriers.
+    - `base_m`, `top_m`, `barrier_scale_m`: z_b, z_t and h of the barriers. With a
+      threshold below zero there is cloud even where the base is above the top.
     - `textures`: the first has weight 1, which fixes the gauge of eq. (1).
     - `mask_displacement_hours`: how long the wind has drawn out the weather mask.
-    - `extinction_per_m`: of the cloud at visible wavelengths.
+    - `extinction_per_m`: physical, of the cloud at 0.64 µm.
     - `particles`: "water" or "ice".
     - `effective_radius_um`: of the particles.
+    - `infrared_ratio`: effective absorption at 10.35 µm over extinction; None for that
+      of the particles.
+    - `imagery`: which cloud pixels of imagery it takes; None leaves it out of fits.
+    - `priors`: bounds and priors by key where they are not the usual ones.
     """
 
     name: str
@@ -83,21 +119,32 @@ class CloudClass:
     extinction_per_m: float
     particles: Phase
     effective_radius_um: float
+    infrared_ratio: float | None = None
+    imagery: ImageryRule | None = None
+    priors: Mapping[str, Prior] = field(default_factory=dict)
 
     def __post_init__(self):
-        if not self.base_m < self.top_m:
-            raise ValueError("base_m must be less than top_m.")
-        for name in ("barrier_scale_m", "extinction_per_m", "effective_radius_um"):
+        positive = ["barrier_scale_m", "extinction_per_m", "effective_radius_um"]
+        if self.infrared_ratio is not None:
+            positive.append("infrared_ratio")
+        for name in positive:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive.")
         if not self.mask_displacement_hours >= 0:
             raise ValueError("mask_displacement_hours must not be negative.")
         if not self.textures or self.textures[0].weight != 1:
             raise ValueError("textures must begin with one of weight 1.")
+        known = {*self._weights, *PLACES}
+        for key in self.priors:
+            if key not in known:
+                raise ValueError(
+                    f"priors has an unknown key, {key!r}: the keys are "
+                    f"{', '.join(sorted(known))}."
+                )
 
     @property
     def shell(self) -> Shell:
-        """The air that the class is looked for in."""
+        """The air that the class stands in."""
         c = self.conditions
         return Shell(float(c.shell_bottom_m), float(c.shell_top_m))
 
@@ -113,10 +160,86 @@ class CloudClass:
         greatest = self.mask_gain * certain + 3 * textures - self.threshold
         reach = self.barrier_scale_m * math.log(max(greatest, 1.0))
         bottom = max(self.shell.bottom_m, self.base_m - reach)
-        return Shell(bottom, min(self.shell.top_m, self.top_m + reach))
+        top = min(self.shell.top_m, self.top_m + reach)
+        return Shell(bottom, top) if bottom < top else self.shell
 
-    def cloud(self, seed: int) -> FractalCloud:
-        """The class as a source of cloud; same seed, same cloud."""
+    @property
+    def optics(self) -> Particles:
+        """The particles."""
+        return Particles(self.particles, self.effective_radius_um)
+
+    @property
+    def absorption_ratio(self) -> float:
+        """Effective absorption at 10.35 µm over extinction at 0.64 µm."""
+        if self.infrared_ratio is not None:
+            return self.infrared_ratio
+        return float(self.optics.infrared_ratio)
+
+    @property
+    def parameters(self) -> tuple[ClassParameter, ...]:
+        """All that a fit may move, in physical terms, with bounds and priors."""
+        found = [
+            ClassParameter(
+                key,
+                key,
+                f"cloud.function.weights.{i}",
+                self.textures[i].weight,
+                self.priors.get(key, USUAL["weight"]),
+            )
+            for key, i in self._weights.items()
+        ]
+        for key, (path, unit) in PLACES.items():
+            if key in UNLESS_ASKED and key not in self.priors:
+                continue
+            value = getattr(self, key)
+            if key == "infrared_ratio":
+                value = self.absorption_ratio
+            prior = self.priors.get(key) or USUAL.get(key) or self._within_shell(value)
+            found.append(ClassParameter(short_name(key), key, path, value, prior, unit))
+        return tuple(found)
+
+    def with_values(self, values: Mapping[str, float]) -> "CloudClass":
+        """Change parameters, given by their short names, such as "top", in metres.
+
+        **Raises:** `ValueError` for a name that the class has not.
+        """
+        keys = {short_name(key): key for key in PLACES} | {k: k for k in self._weights}
+        unknown = sorted(set(values) - set(keys))
+        if unknown:
+            raise ValueError(f"The class {self.name} has no {unknown[0]!r}.")
+        textures = list(self.textures)
+        changes = {}
+        for name, value in values.items():
+            if name in self._weights:
+                i = self._weights[name]
+                textures[i] = replace(textures[i], weight=float(value))
+            else:
+                changes[keys[name]] = float(value)
+        return replace(self, textures=tuple(textures), **changes)
+
+    def _within_shell(self, altitude_m: float) -> Prior:
+        """Allow a barrier as far as its scale beyond the shell."""
+        return Prior(
+            min(self.shell.bottom_m, altitude_m) - self.barrier_scale_m,
+            max(self.shell.top_m, altitude_m) + self.barrier_scale_m,
+            ALTITUDE_SPREAD_M,
+        )
+
+    @property
+    def _weights(self) -> dict[str, int]:
+        """Places of the textures by the name of their weight; the first is held."""
+        return {
+            f"{WEIGHT}{texture.name or i + 1}": i
+            for i, texture in enumerate(self.textures)
+            if i > 0
+        }
+
+    def cloud(self, seed: int, *, movable: bool = False) -> FractalCloud:
+        """Make the source of cloud; same seed, same cloud.
+
+        **Arguments:** `movable`: the whole shell is marched, for the barriers will be
+        moved by a fit; else that part of it in which there can be cloud.
+        """
         return FractalCloud(
             function=CloudFunction(
                 weights=jnp.asarray([t.weight for t in self.textures], float),
@@ -129,125 +252,11 @@ class CloudClass:
                 smoothing=jnp.asarray(_SMOOTHING),
             ),
             latent=Latent.gauss_hermite(),
-            shell=self.marched,
+            shell=self.shell if movable else self.marched,
             fractals=tuple(t.fractal for t in self.textures),
             length_scales_m=tuple(t.length_scale_m for t in self.textures),
             seed=seed,
-            thickness_m=self.top_m - self.base_m,
+            thickness_m=_USUAL_THICKNESS_M
+            if movable
+            else max(self.top_m - self.base_m, self.barrier_scale_m),
         )
-
-
-def cloud_classes() -> dict[str, CloudClass]:
-    """The four classes of Schinder et al. (2024), Table 1, by name."""
-    file = importlib.resources.files("cloudjax.clouds").joinpath("classes.toml")
-    return _parse(file.read_text(encoding="utf-8"), "classes.toml")
-
-
-def load_classes(path: str | Path) -> dict[str, CloudClass]:
-    """Classes of cloud from a TOML file laid out as `classes.toml`.
-
-    **Raises:** `ValueError` that names the file, the class and the key where a key is
-    unknown, missing, of the wrong type or out of range; `OSError` where there is no
-    file.
-    """
-    return _parse(Path(path).read_text(encoding="utf-8"), str(path))
-
-
-def _parse(text: str, source: str) -> dict[str, CloudClass]:
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{source} is not valid TOML: {error}.") from error
-    return {
-        name: _class(name, table, f"{source}: class {name}")
-        for name, table in tables.items()
-    }
-
-
-def _class(name: str, table: Any, where: str) -> CloudClass:
-    known = [f.name for f in fields(CloudClass) if f.name != "name"]
-    _require_keys(table, known, where)
-    numbers = [f.name for f in fields(CloudClass) if f.type is float]
-    textures, particles = table["textures"], table["particles"]
-    if not isinstance(textures, list):
-        raise ValueError(f"{where}: textures must be tables, [[{name}.textures]].")
-    if particles not in get_args(Phase):
-        raise ValueError(f'{where}: particles must be "water" or "ice".')
-    try:
-        return CloudClass(
-            name=name,
-            conditions=_conditions(table["conditions"], f"{where}, conditions"),
-            textures=tuple(
-                _texture(one, f"{where}, texture {i}")
-                for i, one in enumerate(textures, start=1)
-            ),
-            particles=particles,
-            **{key: _number(table, key, where) for key in numbers},
-        )
-    except _Located:
-        raise
-    except ValueError as error:
-        raise _Located(f"{where}: {error}") from error
-
-
-class _Located(ValueError):
-    """An error whose message already says where it is."""
-
-
-def _conditions(table: Any, where: str) -> Conditions:
-    known = list(Conditions.__dataclass_fields__)
-    _require_keys(table, known, where)
-    values = {key: _number(table, key, where) for key in known}
-    try:
-        return Conditions(**values)
-    except ValueError as error:
-        raise _Located(f"{where}: {error}") from error
-
-
-def _texture(table: Any, where: str) -> ClassTexture:
-    if not isinstance(table, Mapping) or table.get("fractal") not in _FRACTALS:
-        kinds = " or ".join(f'"{kind}"' for kind in _FRACTALS)
-        raise _Located(f"{where}: must be a table with fractal = {kinds}.")
-    fractal = _FRACTALS[table["fractal"]]
-    shape = {f.name: f.type for f in fields(fractal)}
-    numbers = [f.name for f in fields(ClassTexture) if f.name != "fractal"]
-    _require_keys(table, ["fractal", *shape, *numbers], where)
-    values = {
-        key: _whole(table, key, where) if kind is int else _number(table, key, where)
-        for key, kind in shape.items()
-    }
-    try:
-        return ClassTexture(
-            cast(Fractal, fractal(**cast(Any, values))),
-            **{key: _number(table, key, where) for key in numbers},
-        )
-    except ValueError as error:
-        raise _Located(f"{where}: {error}") from error
-
-
-def _require_keys(table: Any, known: Collection[str], where: str) -> None:
-    if not isinstance(table, Mapping):
-        raise _Located(f"{where} must be a table, with {', '.join(known)}.")
-    for problem, keys in (
-        ("has unknown", [key for key in table if key not in known]),
-        ("lacks the", [key for key in known if key not in table]),
-    ):
-        if keys:
-            raise _Located(
-                f"{where} {problem} key(s) {', '.join(keys)}; the keys are "
-                f"{', '.join(known)}."
-            )
-
-
-def _number(table: Mapping[str, Any], key: str, where: str) -> float:
-    value = table[key]
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _Located(f"{where}: {key} must be a number, not {value!r}.")
-    return float(value)
-
-
-def _whole(table: Mapping[str, Any], key: str, where: str) -> int:
-    value = table[key]
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise _Located(f"{where}: {key} must be a whole number above 0, not {value!r}.")
-    return value

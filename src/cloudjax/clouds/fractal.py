@@ -1,7 +1,6 @@
 """Fractal clouds: the soft level set of the cloud function in its shell."""
 
 import math
-from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -9,20 +8,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.footprint import POINT, Footprint
+from cloudjax.geometry.footprint import Footprint, Sampling
 from cloudjax.geometry.geodesy import geodetic, vertical
 from cloudjax.geometry.path import (
     Path,
     Profile,
     device_array,
-    drift_m,
     middles,
     navigate,
     points_along,
-    strain,
+    to_points,
 )
 from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import Chords, Shell
+from cloudjax.weather.advection import DisplacementMap
+from cloudjax.weather.drift import drift_m, strain
+from cloudjax.weather.masks import AbstractMask
 
 from .cloud_function import CloudFunction
 from .fractal_path import FractalPath
@@ -82,11 +83,11 @@ class FractalSamples(eqx.Module):
     mask: Profile
     texture_values: tuple[Profile, ...]
     unresolved: tuple[Unresolved, ...]
-    up: Float[Array, "3 rays points"] | None
-    texture_gradients: tuple[Float[Array, "3 rays points"], ...] | None
+    up: Float[Array, "rays 3 points"] | None
+    texture_gradients: tuple[Float[Array, "rays 3 points"], ...] | None
 
     def on(self, path: Path, at: Float[Array, "rays points"]) -> "FractalSamples":
-        """Those at parts of the chord, 0 to 1, as if of the steps of another path."""
+        """Read them at parts of the chord, 0 to 1, as if at another path's steps."""
         return FractalSamples(
             path=path,
             mask=Profile(self.mask.at(at)),
@@ -109,6 +110,12 @@ class FractalCloud(AbstractCloudSource):
     - `seed`: of the first texture; the others follow.
     - `thickness_m`: a usual one of the cloud. Sub-pixel structure is common to rays
       over a part of it.
+    - `mask`: where the weather lets the clouds stand; None is w = 0 everywhere.
+    - `displacements`: of each texture, the map by which the wind has drawn it; None for
+      still air.
+
+    The mask and the maps are read once, when a view is made; the other arrays are
+    parameters.
     """
 
     function: CloudFunction
@@ -118,6 +125,8 @@ class FractalCloud(AbstractCloudSource):
     length_scales_m: tuple[float, ...] = eqx.field(static=True)
     seed: int = eqx.field(static=True, default=0)
     thickness_m: float = eqx.field(static=True, default=1500.0)
+    mask: AbstractMask | None = None
+    displacements: tuple[DisplacementMap | None, ...] | None = None
 
     def __check_init__(self):
         counts = {
@@ -125,17 +134,19 @@ class FractalCloud(AbstractCloudSource):
             len(self.length_scales_m),
             self.function.weights.shape[0],
         }
+        if self.displacements is not None:
+            counts.add(len(self.displacements))
         if len(counts) != 1:
             raise ValueError(
                 f"{len(self.fractals)} fractals, {len(self.length_scales_m)} length "
                 f"scales and {self.function.weights.shape[0]} weights: give one of "
-                "each per texture."
+                "each per texture, and a displacement map where there are any."
             )
 
     def make_textures(
-        self, footprint: Footprint = POINT, resolution: int = 128
+        self, footprint: Footprint, resolution: int = 128
     ) -> tuple[Texture, ...]:
-        """The cloud's textures, averaged over a kind of pixel."""
+        """Make the cloud's textures, averaged over one kind of pixel."""
         return tuple(
             make_texture(
                 fractal,
@@ -150,34 +161,26 @@ class FractalCloud(AbstractCloudSource):
             )
         )
 
-    def navigate(
-        self,
-        rays: Rays,
-        chord: Chords,
-        mask=None,
-        displacements=None,
-        *,
-        knots: int = 2,
-        footprint: Footprint = POINT,
-    ) -> FractalPath:
-        """Ways of rays along chords of the shell, on the host in float64."""
-        points = points_along(rays, chord, knots)
+    def navigate(self, rays: Rays, chord: Chords, sampling: Sampling) -> FractalPath:
+        """Lay rays along chords of the shell, on the host in float64."""
+        points = points_along(rays, chord, sampling.knots)
         periods = np.asarray(self.length_scales_m)[:, None]
         entry = points[0][:, None] / periods
         change = np.stack([point - points[0] for point in points[1:]], axis=-1)
-        masks = np.stack([_mask_at(mask, p) for p in points], axis=-1)
+        masks = np.stack([_mask_at(self.mask, p) for p in points], axis=-1)
+        mask = Profile(device_array(masks), ends=True)
+        short = sampling.knots == 2
         way = FractalPath(
             path=navigate(rays, chord),
-            mask=Profile(device_array(masks), ends=True),
+            mask=mask.with_knots(sampling.held_knots),
             texture_entry=device_array(entry % 1.0),
             texture_change=device_array(change[:, None] / periods[..., None]),
             strain=None,
-            reads=_reads(self.shell, footprint) if knots == 2 else None,
+            reads=_reads(self.shell, sampling.footprint) if short else None,
+            at_steps=sampling.at_steps,
         )
-        maps = displacements
-        if not isinstance(maps, Sequence):
-            maps = [displacements] * len(self.length_scales_m)
-        if all(m is None for m in maps):
+        maps = self.displacements
+        if maps is None or all(m is None for m in maps):
             return way
         upward, altitude = vertical(np.stack(points, axis=-2))
         return _drifted(
@@ -188,9 +191,12 @@ class FractalCloud(AbstractCloudSource):
             device_array(periods[:, 0]),
         )
 
-    def likelihood(self, way: FractalPath | FractalSamples) -> Float[Array, " rays"]:
-        most = self.function.likelihood(way.mask.values.max(-1))
-        return jnp.where(way.path.length_m > 0, most, 0.0)
+    def likelihood(
+        self, samples: FractalPath | FractalSamples
+    ) -> Float[Array, " rays"]:
+        """Estimate how likely a ray is to meet cloud, by the most of its mask."""
+        most = self.function.likelihood(samples.mask.values.max(-1))
+        return jnp.where(samples.path.length_m > 0, most, 0.0)
 
     def sample(
         self,
@@ -198,50 +204,54 @@ class FractalCloud(AbstractCloudSource):
         textures: tuple[Texture, ...],
         *,
         steps: int,
-        with_gradient: bool,
+        slopes: bool,
     ) -> FractalSamples:
+        """Read the textures along the ways, as often as they can change."""
         reads = way.reads if way.reads is not None and way.reads <= steps else None
+        at = middles(steps) if reads is None else np.linspace(0, 1, reads)
         points = _slope_points(steps, reads)
         values, gradients, unresolved = [], [], []
         for i, texture in enumerate(textures):
-            at = middles(steps) if reads is None else np.linspace(0, 1, reads)
-            read = texture.sample(way.position(i, at))
-            values.append(Profile(read, ends=reads is not None))
+            read = Profile(texture.sample(way.position(i, at)), ends=reads is not None)
+            values.append(Profile(read.in_steps(steps)) if way.at_steps else read)
             lost = texture.unresolved
-            if with_gradient:
-                position = way.position(i, middles(points))
-                _, gradient = texture.sample_with_gradient(position)
-                gradient = gradient / self.length_scales_m[i]
-                if way.strain is not None:
-                    gradient = jnp.einsum("rka,krs->ars", way.strain[:, i], gradient)
-                    stretch = jnp.sum(way.strain[:, i] ** 2, axis=(1, 2)) / 3
-                    lost = eqx.tree_at(lambda u: u.slope, lost, lost.slope * stretch)
-                gradients.append(gradient)
-            rays = way.path.length_m.shape[0]
-            unresolved.append(
-                jax.tree.map(lambda v, rays=rays: jnp.broadcast_to(v, (rays,)), lost)
-            )
+            if slopes:
+                gradient, stretch = self._gradient(way, texture, i, points)
+                gradients.append(_held(gradient, steps, way.at_steps))
+                lost = eqx.tree_at(lambda u: u.slope, lost, lost.slope * stretch)
+            unresolved.append(_for_each_ray(lost, way))
+        up = way.path.up(way.path.distance_m(points)) if slopes else None
         return FractalSamples(
             path=way.path,
             mask=way.mask,
             texture_values=tuple(values),
             unresolved=tuple(unresolved),
-            up=way.path.up(way.path.distance_m(points)) if with_gradient else None,
-            texture_gradients=tuple(gradients) if with_gradient else None,
+            up=None if up is None else _held(up, steps, way.at_steps),
+            texture_gradients=tuple(gradients) if slopes else None,
         )
+
+    def _gradient(self, way: FractalPath, texture: Texture, i: int, points: int):
+        """Per metre, [3 rays points], and by how much wind has stretched its square."""
+        _, gradient = texture.sample_with_gradient(way.position(i, middles(points)))
+        gradient = gradient / self.length_scales_m[i]
+        if way.strain is None:
+            return gradient, 1.0
+        strained = jnp.einsum("rka,krs->ars", way.strain[:, i], gradient)
+        return strained, jnp.sum(way.strain[:, i] ** 2, axis=(1, 2)) / 3
 
     def branch(
         self,
         way: FractalPath,
         distance_m: Float[Array, " rays"],
-        direction: Float[Array, "3"],
+        direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
     ) -> FractalPath:
+        """Leave the ways in another direction, with the mask where they are left."""
         periods = jnp.asarray(self.length_scales_m, float)
         return way.branch(distance_m, direction, ends_m, periods)
 
     def occupancy(self, samples: FractalSamples, steps: int) -> Occupancy:
-        """The soft level set: how much of each step is cloud, for each latent node."""
+        """Find the soft level set: the share of cloud in each step, for each node."""
         f = self.function
         altitude = samples.path.altitude_m(samples.path.distance_m(steps))
         read = samples.texture_values
@@ -268,10 +278,11 @@ class FractalCloud(AbstractCloudSource):
         fraction = 0.5 + 0.5 * jax.lax.erf(np.sqrt(0.5) * widths)
         slopes = None
         if samples.texture_gradients is not None and samples.up is not None:
+            first = [jnp.moveaxis(g, 1, 0) for g in samples.texture_gradients]
             slopes = Slopes(
-                f.gradient(samples.texture_gradients),
+                f.gradient(tuple(first)),
                 f.rise(altitude),
-                samples.up,
+                jnp.moveaxis(samples.up, 1, 0),
                 sum((u.slope for u in lost), none),
             )
         return Occupancy(fraction, self.latent.weights, slopes)
@@ -290,6 +301,23 @@ def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays st
     whole = jnp.concatenate([change[:, :1], inner, change[:, -1:]], axis=-1)
     # Where a barrier shuts within one step, no width can say where.
     return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
+
+
+def _held(
+    at_points: Float[Array, "3 rays points"], steps: int, at_steps: bool
+) -> Float[Array, "rays 3 held"]:
+    """Rays first; at every step where that is asked, linear between points."""
+    held = jnp.moveaxis(at_points, 0, 1)
+    points = held.shape[-1]
+    if not at_steps or points == steps:
+        return held
+    share = jnp.asarray(to_points(steps, points).T, held.dtype)
+    return jnp.matmul(held, share, precision="highest")
+
+
+def _for_each_ray(lost: Unresolved, way: FractalPath) -> Unresolved:
+    rays = way.path.length_m.shape
+    return jax.tree.map(lambda v: jnp.broadcast_to(v, rays), lost)
 
 
 def _slope_points(steps: int, reads: int | None) -> int:
@@ -344,4 +372,5 @@ def _drifted(
         texture_change=way.texture_change + jnp.moveaxis(further, 2, 3),
         strain=jnp.stack([strains[i] for i in map_of], axis=1),
         reads=way.reads,
+        at_steps=way.at_steps,
     )

@@ -23,6 +23,7 @@ class FractalPath(eqx.Module):
     - `strain`: ∂x'/∂x of each texture's displacement, None without wind.
     - `reads`: points of the chord, its ends among them, between which averaged textures
       are as good as linear; None where they are not.
+    - `at_steps`: whether what is read is held at every step (`Sampling`).
     """
 
     path: Path
@@ -31,6 +32,7 @@ class FractalPath(eqx.Module):
     texture_change: Float[Array, "rays textures 3 further"]
     strain: Float[Array, "rays textures 3 3"] | None
     reads: int | None = eqx.field(static=True, default=None)
+    at_steps: bool = eqx.field(static=True, default=False)
 
     def position(
         self, texture: int, at: Float[np.ndarray, " points"]
@@ -44,11 +46,11 @@ class FractalPath(eqx.Module):
     def branch(
         self,
         distance_m: Float[Array, " rays"],
-        direction: Float[Array, "3"],
+        direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
         periods_m: Float[Array, " textures"],
     ) -> "FractalPath":
-        """A way that leaves this one in another direction: see `source.py`.
+        """Leave the ways in another direction: see `source.py`.
 
         The mask and the strain stay what they are where it is left.
         """
@@ -57,9 +59,9 @@ class FractalPath(eqx.Module):
         further = jnp.moveaxis(self.texture_change, -1, 0)
         knots = [jnp.zeros_like(self.texture_entry), *further]
         left = self.texture_entry + on_chord(knots, at[:, None, None])
-        per_m = direction[None, None]
+        per_m = direction[:, None]
         if self.strain is not None:
-            per_m = jnp.sum(self.strain * direction[None, None, None], axis=-1)
+            per_m = jnp.sum(self.strain * direction[:, None, None], axis=-1)
         per_m = jnp.broadcast_to(per_m / periods_m[None, :, None], left.shape)
         after = ends_m[:, 1:] - ends_m[:, :1]
         return FractalPath(

@@ -7,7 +7,7 @@ import numpy as np
 from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.footprint import POINT, Footprint
+from cloudjax.geometry.footprint import Sampling
 from cloudjax.geometry.geodesy import east_north_up, ecef
 from cloudjax.geometry.path import Path, Profile, device_array, navigate
 from cloudjax.geometry.rays import Rays
@@ -32,16 +32,23 @@ class GriddedPath(eqx.Module):
 
 
 class GriddedSamples(eqx.Module):
-    """The grid's values along the rays."""
+    """Where in the grid the rays run; the values there are parameters.
+
+    **Fields:**
+
+    - `path`: the geometry.
+    - `cells`: positions at points of the chord: east, north and up, in cells.
+    - `slopes`: whether normals will be asked.
+    """
 
     path: Path
-    density: Profile
-    up: Float[Array, "3 rays steps"] | None
-    gradient: Float[Array, "3 rays steps"] | None
+    cells: Float[Array, "rays 3 points"]
+    slopes: bool = eqx.field(static=True)
 
     def on(self, path: Path, at: Float[Array, "rays points"]) -> "GriddedSamples":
-        """Those at parts of the chord, 0 to 1, as if of the steps of another path."""
-        return GriddedSamples(path, Profile(self.density.at(at)), None, None)
+        """Place them at parts of the chord, 0 to 1, as if at another path's steps."""
+        axes = [Profile(self.cells[:, axis]).at(at) for axis in range(3)]
+        return GriddedSamples(path, jnp.stack(axes, axis=1), slopes=False)
 
 
 class GriddedCloud(AbstractCloudSource):
@@ -67,22 +74,9 @@ class GriddedCloud(AbstractCloudSource):
     spacing_m: tuple[float, float] = eqx.field(static=True)
     periodic: bool = eqx.field(static=True, default=False)
 
-    def make_textures(self, footprint: Footprint, resolution: int) -> tuple[Array]:
-        """The grid as it is, whatever the footprint."""
-        return (self.density,)
-
-    def navigate(
-        self,
-        rays: Rays,
-        chord: Chords,
-        mask=None,
-        displacements=None,
-        *,
-        knots: int = 2,
-        footprint: Footprint = POINT,
-    ) -> GriddedPath:
-        if mask is not None or displacements is not None:
-            raise ValueError("Gridded cloud is where its grid says: no masks, no wind.")
+    def navigate(self, rays: Rays, chord: Chords, sampling: Sampling) -> GriddedPath:
+        """Lay rays over the plane of the grid, on the host in float64."""
+        del sampling
         latitude, longitude = (np.array([degrees]) for degrees in self.corner_deg)
         corner = ecef(latitude, longitude, np.zeros(1))
         axes = self._axes[:2] / np.array(self.spacing_m)[:, None]
@@ -95,68 +89,64 @@ class GriddedCloud(AbstractCloudSource):
             per_m=device_array(rays.direction @ axes.T),
         )
 
-    def likelihood(self, way: GriddedPath | GriddedSamples) -> Float[Array, " rays"]:
-        return jnp.where(way.path.length_m > 0, 1.0, 0.0)
+    def likelihood(
+        self, samples: GriddedPath | GriddedSamples
+    ) -> Float[Array, " rays"]:
+        """Count every ray that crosses the shell as one that may meet cloud."""
+        return jnp.where(samples.path.length_m > 0, 1.0, 0.0)
 
     def sample(
-        self,
-        way: GriddedPath,
-        textures: tuple[Array],
-        *,
-        steps: int,
-        with_gradient: bool,
+        self, way: GriddedPath, textures: tuple[()], *, steps: int, slopes: bool
     ) -> GriddedSamples:
+        """Find where in the grid the middles of the steps are."""
+        del textures
         distance = way.path.distance_m(steps)
         altitude = way.path.altitude_m(distance)
-        level = way.entry.T[..., None] + way.per_m.T[..., None] * distance[None]
+        level = way.entry[..., None] + way.per_m[..., None] * distance[:, None]
         height = (altitude - self.shell.bottom_m) / self._spacings_m[2]
-        cells = jnp.concatenate([level, height[None]])
-        read = lambda cells: self._read(textures[0], cells)  # noqa: E731
-        gradient = None
-        if with_gradient:
-            density, pull = jax.vjp(read, cells)
-            (per_cell,) = pull(jnp.ones_like(density))
-            axes = self._axes / self._spacings_m[:, None]
-            gradient = jnp.einsum("crs,ca->ars", per_cell, jnp.asarray(axes, float))
-        else:
-            density = read(cells)
-        return GriddedSamples(
-            path=way.path,
-            density=Profile(density),
-            up=way.path.up(distance) if with_gradient else None,
-            gradient=gradient,
-        )
+        cells = jnp.concatenate([level, height[:, None]], axis=1)
+        return GriddedSamples(way.path, cells, slopes)
 
     def branch(
         self,
         way: GriddedPath,
         distance_m: Float[Array, " rays"],
-        direction: Float[Array, "3"],
+        direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
     ) -> GriddedPath:
+        """Leave the ways in another direction."""
         per_m = jnp.asarray(self._axes / self._spacings_m[:, None], float)[:2]
-        turned = jnp.sum(per_m * direction[None], axis=-1)[None]
-        start = way.entry + way.per_m * distance_m[:, None]
         return GriddedPath(
             path=way.path.branch(distance_m, direction, ends_m),
-            entry=start,
-            per_m=jnp.broadcast_to(turned, start.shape),
+            entry=way.entry + way.per_m * distance_m[:, None],
+            per_m=jnp.sum(per_m[None] * direction[:, None], axis=-1),
         )
 
     def occupancy(self, samples: GriddedSamples, steps: int) -> Occupancy:
-        density, slopes = samples.density.in_steps(steps), None
-        if samples.gradient is not None and samples.up is not None:
-            none = jnp.zeros_like(density)
-            slopes = Slopes(samples.gradient, none, samples.up, none[:, 0])
-        return Occupancy(density[None], jnp.ones(1), slopes)
+        """Read the density along the rays; it is the share of cloud."""
+        cells = jnp.moveaxis(samples.cells, 1, 0)
+        if not samples.slopes:
+            density, slopes = self._read(cells), None
+        else:
+            density, pull = jax.vjp(self._read, cells)
+            (per_cell,) = pull(jnp.ones_like(density))
+            axes = jnp.asarray(self._axes / self._spacings_m[:, None], float)
+            gradient = jnp.einsum("crs,ca->ars", per_cell, axes)
+            none = jnp.zeros((len(density), steps), density.dtype)
+            up = samples.path.up(samples.path.distance_m(density.shape[-1]))
+            slopes = Slopes(gradient, none, up, none[:, 0])
+        fraction = Profile(density).in_steps(steps)
+        return Occupancy(fraction[None], jnp.ones(1, fraction.dtype), slopes)
 
-    def _read(self, density, cells):
+    def _read(
+        self, cells: Float[Array, "3 rays points"]
+    ) -> Float[Array, "rays points"]:
         """Trilinear between the centres of the cells, which lie half a cell inside."""
         x, y, z = cells - 0.5
         # Within the shell, the outermost half cells are as their centres.
-        z = jnp.clip(z, 0, density.shape[2] - 1)
+        z = jnp.clip(z, 0, self.density.shape[2] - 1)
         mode = "wrap" if self.periodic else "constant"
-        return map_coordinates(density, [x, y, z], order=1, mode=mode)
+        return map_coordinates(self.density, [x, y, z], order=1, mode=mode)
 
     @property
     def _spacings_m(self) -> Float[np.ndarray, "3"]:

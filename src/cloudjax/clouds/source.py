@@ -1,4 +1,18 @@
-"""What the marcher asks of a source of cloud."""
+"""The contract between a source of cloud and the march.
+
+A source answers four questions, in this order:
+
+1. `shell`, `likelihood`: where can its clouds be?
+2. `navigate` (host, float64) and `sample` (device): what does it need to know along the
+   rays? Both depend on where the rays run and on no parameter of the clouds.
+3. `occupancy`: how much of each step is cloud? It depends on the samples and on every
+   parameter, so that all derivatives pass through it, and a view that was sampled once
+   serves all parameters.
+4. `branch`: the same ways as in 2, but along a secondary ray, for shadows.
+
+Masks, winds and whatever else says where the clouds of a source are belong to the
+source. One test runs over all sources (tests/unit/test_source_contract.py).
+"""
 
 import abc
 from typing import Any
@@ -6,7 +20,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.footprint import Footprint
+from cloudjax.geometry.footprint import Footprint, Sampling
 from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import Chords, Shell
 
@@ -16,9 +30,9 @@ class Occupancy(eqx.Module):
 
     **Fields:**
 
-    - `fraction`: in [0, 1], for each of the possible sub-pixel structures.
-    - `weights`: of those structures, adding up to 1.
-    - `slopes`: of its surface; needed for normals only.
+    - `fraction`: in [0, 1], for each of the possible sub-pixel structures (nodes).
+    - `weights`: of those structures; they add up to 1.
+    - `slopes`: of the cloud's surface; None where no normals are asked.
     """
 
     fraction: Float[Array, "nodes rays steps"]
@@ -33,9 +47,9 @@ class Slopes(eqx.Module):
 
     **Fields:**
 
-    - `gradient`: into the cloud, but for `rise`.
-    - `rise`: along the vertical, at each step.
-    - `up`: the vertical.
+    - `gradient`: into the cloud, per metre, without `rise`.
+    - `rise`: along the vertical, per metre, at each step.
+    - `up`: the vertical, unit vectors.
     - `unresolved`: variance of each component of the gradient below the resolution.
     """
 
@@ -48,75 +62,64 @@ class Slopes(eqx.Module):
 class AbstractCloudSource(eqx.Module):
     """A source of extinction along rays: fractal clouds, particles, gridded water.
 
-    A source answers in two parts, so that a fit can hold on to the first: `sample`
-    does all that depends on where the rays run, `occupancy` all that depends on the
-    parameters.
+    Everything that `navigate`, `sample` and `branch` return is a pytree whose leaves
+    have the rays as their first axis.
 
-    **Fields:** `shell`: the air that holds all of it.
+    **Fields:** `shell`: the air that holds all of its clouds.
     """
 
     shell: eqx.AbstractVar[Shell]
 
-    @abc.abstractmethod
-    def make_textures(self, footprint: Footprint, resolution: int) -> tuple:
-        """The data that `sample` reads, averaged over a kind of pixel."""
+    def make_textures(self, footprint: Footprint, resolution: int) -> Any:
+        """Make the data that `sample` reads, averaged over one kind of pixel.
+
+        A source that reads none has nothing to make.
+        """
+        del footprint, resolution
+        return ()
 
     @abc.abstractmethod
-    def navigate(
-        self,
-        rays: Rays,
-        chord: Chords,
-        mask=None,
-        displacements=None,
-        *,
-        knots: int,
-        footprint: Footprint,
-    ) -> Any:
-        """The ways of rays along chords, on the host in float64.
+    def navigate(self, rays: Rays, chord: Chords, sampling: Sampling) -> Any:
+        """Lay rays through the source along chords, on the host in float64.
 
-        **Arguments:**
-
-        - `mask`: a callable from latitude and longitude in degrees to w; none is 0.
-        - `displacements`: one displacement map, or one for each texture; None for
-          still air.
-        - `knots`: points of a chord between which masks and winds are linear.
-        - `footprint`: of the pixels.
-
-        **Returns:** a module that holds the `path`.
+        **Returns:** the ways: a module that holds the `path`.
         """
 
     @abc.abstractmethod
-    def likelihood(self, way) -> Float[Array, " rays"]:
-        """Of cloud anywhere on a way; rays of none need not be marched.
+    def likelihood(self, samples: Any) -> Float[Array, " rays"]:
+        """Estimate how likely a ray is to meet cloud anywhere on its way.
 
-        **Arguments:** `way`: or samples of one.
+        **Arguments:** `samples`: or the ways.
         """
 
     @abc.abstractmethod
-    def sample(self, way, textures, *, steps: int, with_gradient: bool) -> Any:
-        """What the source needs along the rays, to be marched in so many steps.
+    def sample(self, way: Any, textures: Any, *, steps: int, slopes: bool) -> Any:
+        """Find what `occupancy` needs along the ways, for so many steps.
 
-        **Returns:** a module that holds the `path`, and has a method `on(path, at)` for
-        the same at other places.
+        **Arguments:** `slopes`: whether normals will be asked.
+
+        **Returns:** a module that holds the `path`, and has a method `on(path, at)`
+        that gives the same at other parts of the chord.
         """
 
     @abc.abstractmethod
     def branch(
         self,
-        way,
+        way: Any,
         distance_m: Float[Array, " rays"],
-        direction: Float[Array, "3"],
+        direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
     ) -> Any:
-        """Ways that leave others in one direction, on the device; `sample` takes them.
+        """Leave the ways in another direction, on the device, for `sample`.
 
         **Arguments:**
 
         - `distance_m`: from the entry of each way to where it is left; also before the
           entry or behind the exit.
+        - `direction`: unit vectors, ECEF.
         - `ends_m`: distances from there at which steps begin and end.
         """
 
     @abc.abstractmethod
-    def occupancy(self, samples, steps: int) -> Occupancy:
-        """How much of each of so many equal steps is cloud."""
+    def occupancy(self, samples: Any, steps: int) -> Occupancy:
+        """Find how much of each of so many equal steps is cloud."""

@@ -1,4 +1,4 @@
-"""A perspective camera: in orbit, in an aircraft, on the ground, within a cloud."""
+"""A perspective camera stands in orbit, in an aircraft, on the ground or in a cloud."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from .rays import Rays
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera with square pixels.
+    """A `Camera` is a pinhole camera with square pixels.
 
     **Fields:**
 
@@ -78,7 +78,8 @@ class Camera:
         roll_deg: float = 0.0,
         ellipsoid: Ellipsoid = GRS80,
     ) -> "Camera":
-        """The camera whose axis passes through a target, given as a geodetic position.
+        """Make the camera whose axis passes through a target, given as a geodetic
+        position.
 
         With the target straight below or above, the azimuth is 0.
         """
@@ -107,18 +108,21 @@ class Camera:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """Count the rows and columns."""
         return self.rows, self.columns
 
     @property
     def position_m(self) -> Float[np.ndarray, "3"]:
-        """Where the camera is, ECEF."""
+        """Give the place of the camera [m], ECEF."""
         return _place(
             self.latitude_deg, self.longitude_deg, self.altitude_m, self.ellipsoid
         )
 
     @property
     def axes(self) -> Float[np.ndarray, "3 3"]:
-        """ECEF unit vectors along the optical axis, to the right and to the top."""
+        """Give the ECEF unit vectors along the optical axis, to the right and to the
+        top.
+        """
         α, ε, ρ = np.radians([self.azimuth_deg, self.elevation_deg, self.roll_deg])
         ahead = np.array([np.sin(α), np.cos(α), 0.0])
         zenith = np.array([0.0, 0.0, 1.0])
@@ -133,7 +137,7 @@ class Camera:
         return np.stack(rolled) @ east_north_up(self.latitude_deg, self.longitude_deg)
 
     def rays(self, pixels: Int[np.ndarray, " rays"] | None = None) -> Rays:
-        """Lines of sight of the pixels with these flat indices, or of all.
+        """Return the lines of sight of the pixels with these flat indices, or of all.
 
         Flat indices count row by row from the top left: `rays` = rows * columns. The
         angle of a pixel is that of one on the optical axis; towards the corners of a

@@ -1,6 +1,6 @@
-"""The fixed grid of a geostationary imager (GOES-R PUG volume 3, section 5.1.2.8)."""
+"""Geostationary imagers have a fixed grid (GOES-R PUG volume 3, section 5.1.2.8)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -24,17 +24,23 @@ MESO_RAD = (0.028, 0.028)
 # disc. The centres of the sectors that NOAA files hold are such multiples.
 MESO_LATTICE_RAD = 20 * RAD_PER_KM
 GOES_EAST_DEG = -75.0
+# A quarter of a percent of the finest ABI pixel (14 microradians), and ten times what
+# rounding scale and offset to six decimals can move a centre by.
+SAME_CENTRE_RAD = 1e-7
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FixedGrid:
-    """Scan angles of a geostationary imager, as its files hold them.
+    """A `FixedGrid` holds the scan angles of a geostationary imager, as its files do.
 
     **Fields:**
 
-    - `x_rad`, `y_rad`: east-west and north-south scan angles of the pixel centres.
-    - `subsatellite_longitude_deg`: of the projection, not of the drifting satellite.
-    - `perspective_height_m`: above the equator.
+    - `x_rad`, `y_rad`: scan angles of the pixel centres, evenly spaced; x grows
+        eastward, and in files y falls from the first row, the northernmost.
+    - `subsatellite_longitude_deg`: the longitude of the projection, east positive; the
+        satellite itself may drift some tenths of a degree about it.
+    - `perspective_height_m`: of the projection point above the equator.
+    - `ellipsoid`: the Earth's.
     - `sweep`: which angle the imager sweeps: "x" for GOES, "y" for Meteosat.
     """
 
@@ -49,7 +55,7 @@ class FixedGrid:
     def abi_full_disc(
         resolution_km: float, subsatellite_longitude_deg: float = GOES_EAST_DEG
     ) -> "FixedGrid":
-        """The full disc of ABI.
+        """Make the full disc of ABI.
 
         **Arguments:** `resolution_km`: 0.5, 1, 2, 4 or 10.
         """
@@ -61,7 +67,8 @@ class FixedGrid:
     def abi_conus(
         resolution_km: float, subsatellite_longitude_deg: float = GOES_EAST_DEG
     ) -> "FixedGrid":
-        """The regional sector of ABI: CONUS from within a degree of 75 W, else PACUS.
+        """Make the regional sector of ABI: CONUS from within a degree of 75 W, else
+        PACUS.
 
         From elsewhere than 137 W it shows the part of the disc that PACUS would, east
         and west of the sub-satellite meridian alike.
@@ -81,7 +88,7 @@ class FixedGrid:
         longitude_deg: float,
         subsatellite_longitude_deg: float = GOES_EAST_DEG,
     ) -> "FixedGrid":
-        """A mesoscale sector of ABI, centred within 10 km (at nadir) of a place.
+        """Make a mesoscale sector of ABI, centred within 10 km (at nadir) of a place.
 
         Its pixels are those of the full disc.
 
@@ -97,11 +104,48 @@ class FixedGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """Count the rows and columns."""
         return len(self.y_rad), len(self.x_rad)
 
     @property
+    def step_rad(self) -> float:
+        """The distance between neighbouring columns or, of a single one, rows."""
+        angles = self.x_rad if len(self.x_rad) > 1 else self.y_rad
+        span = abs(float(angles[-1]) - float(angles[0]))
+        return span / max(len(angles) - 1, 1)
+
+    def same_projection_as(self, other: "FixedGrid") -> bool:
+        """Whether equal scan angles of both grids are the same lines of sight."""
+        return (
+            self.subsatellite_longitude_deg == other.subsatellite_longitude_deg
+            and self.perspective_height_m == other.perspective_height_m
+            and self.ellipsoid == other.ellipsoid
+            and self.sweep == other.sweep
+        )
+
+    def same_as(self, other: "FixedGrid") -> bool:
+        """Whether both grids have the same pixels, within `SAME_CENTRE_RAD`."""
+        return (
+            self.shape == other.shape
+            and self.same_projection_as(other)
+            and _close(self.x_rad, other.x_rad)
+            and _close(self.y_rad, other.y_rad)
+        )
+
+    def coarsened(self, factor: int) -> "FixedGrid":
+        """The grid of blocks of `factor` by `factor` pixels.
+
+        **Raises:** `ValueError` when the blocks do not fill the grid.
+        """
+        return replace(
+            self,
+            x_rad=_block_centres(self.x_rad, factor),
+            y_rad=_block_centres(self.y_rad, factor),
+        )
+
+    @property
     def satellite_m(self) -> Float[np.ndarray, "3"]:
-        """Where the satellite stands, ECEF."""
+        """Give the place of the satellite [m], ECEF."""
         distance = self.ellipsoid.semi_major_m + self.perspective_height_m
         return -distance * self._axes[0]
 
@@ -116,7 +160,7 @@ class FixedGrid:
     def scan_angles_rad(
         self, latitude_deg: float, longitude_deg: float
     ) -> tuple[float, float]:
-        """The scan angles x and y of a place on the ground.
+        """Return the scan angles x and y [radians] of a place on the ground.
 
         **Raises:** `ValueError` where the satellite does not see it.
         """
@@ -133,7 +177,7 @@ class FixedGrid:
         return float(np.arctan2(east, inward)), float(np.arcsin(north))
 
     def rays(self, pixels: Int[np.ndarray, " rays"] | None = None) -> Rays:
-        """Lines of sight of the pixels with these flat indices, or of all.
+        """Return the lines of sight of the pixels with these flat indices, or of all.
 
         Flat indices count row by row: `rays` = y * x.
         """
@@ -151,8 +195,21 @@ class FixedGrid:
         return Rays(
             np.broadcast_to(self.satellite_m, direction.shape),
             direction,
-            float(abs(self.x_rad[1] - self.x_rad[0])),
+            self.step_rad,
         )
+
+
+def _block_centres(angles: np.ndarray, factor: int) -> np.ndarray:
+    if angles.size % factor:
+        raise ValueError(
+            f"{angles.size} pixels cannot be cut into blocks of {factor}: "
+            "choose a divisor."
+        )
+    return angles.reshape(-1, factor).mean(axis=1)
+
+
+def _close(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool(np.all(np.abs(a - b) < SAME_CENTRE_RAD))
 
 
 def _step_rad(resolution_km: float) -> float:

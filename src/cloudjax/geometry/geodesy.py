@@ -1,4 +1,4 @@
-"""The Earth ellipsoid, in float64 on the host.
+"""The Earth is an ellipsoid here, in float64 on the host.
 
 Planetary coordinates lose metres in float32, so everything here is numpy, is done
 once per image, and hands small local numbers to the device (see `path.py`).
@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 @dataclass(frozen=True)
 class Ellipsoid:
-    """An oblate ellipsoid of revolution.
+    """An `Ellipsoid` is oblate and round its axis.
 
     **Fields:** `semi_major_m`, `semi_minor_m`.
     """
@@ -24,32 +24,36 @@ class Ellipsoid:
 
     @property
     def eccentricity_squared(self) -> float:
+        """Give e² = 1 - (b/a)²."""
         return 1 - (self.semi_minor_m / self.semi_major_m) ** 2
 
     def raised(self, altitude_m: float) -> "Ellipsoid":
-        """The surface at a geodetic altitude.
+        """Return the surface at a geodetic altitude [m].
 
-        Not exactly an ellipsoid: raising both axes errs by an eighth of the square of
-        the flattening times the altitude at most, 1.4 cm at 10 km.
+        That surface is not exactly an ellipsoid: raising both axes errs by an eighth of
+        the square of the flattening times the altitude at most, 1.4 cm at 10 km.
         """
         return Ellipsoid(self.semi_major_m + altitude_m, self.semi_minor_m + altitude_m)
 
 
 # GRS 80, the ellipsoid of the ABI fixed grid (GOES-R PUG volume 3, table 5.1.2.8).
 GRS80 = Ellipsoid(6378137.0, 6356752.31414)
+# Where a sphere serves: (2a + b)/3 of the ellipsoid, which is 9 m more.
+MEAN_RADIUS_M = 6_371_000.0
 
 
 def dot(
     one: Float[np.ndarray, "*#n 3"], other: Float[np.ndarray, "*#n 3"]
 ) -> Float[np.ndarray, "*n"]:
-    """The product of vectors; a sum over so short an axis takes three times as long."""
+    """Return the scalar product of vectors of three components."""
+    # A sum over so short an axis takes three times as long.
     return np.einsum("...i,...i->...", one, other)
 
 
 def up(
     latitude_deg: Float[np.ndarray, "*n"], longitude_deg: Float[np.ndarray, "*n"]
 ) -> Float[np.ndarray, "*n 3"]:
-    """The unit normal of the ellipsoid (geodetic vertical)."""
+    """Return the unit normal of the ellipsoid (the geodetic vertical), ECEF."""
     φ, λ = np.radians(latitude_deg), np.radians(longitude_deg)
     return np.stack([np.cos(φ) * np.cos(λ), np.cos(φ) * np.sin(λ), np.sin(φ)], axis=-1)
 
@@ -57,7 +61,9 @@ def up(
 def east_north_up(
     latitude_deg: float, longitude_deg: float
 ) -> Float[np.ndarray, "3 3"]:
-    """Rows are the local unit vectors, ECEF; at a pole north is along the meridian."""
+    """Return the local unit vectors as rows, ECEF; at a pole north is along the
+    meridian.
+    """
     φ, λ = np.radians([latitude_deg, longitude_deg])
     return np.array(
         [
@@ -74,7 +80,7 @@ def ecef(
     altitude_m: Float[np.ndarray, "*n"],
     ellipsoid: Ellipsoid = GRS80,
 ) -> Float[np.ndarray, "*n 3"]:
-    """The position at geodetic latitude, longitude and altitude."""
+    """Return the position [m], ECEF, at geodetic latitude, longitude and altitude."""
     normal = up(latitude_deg, longitude_deg)
     e2 = ellipsoid.eccentricity_squared
     prime_vertical = ellipsoid.semi_major_m / np.sqrt(1 - e2 * normal[..., 2] ** 2)
@@ -85,10 +91,10 @@ def ecef(
 def geodetic(
     position_m: Float[np.ndarray, "*n 3"], ellipsoid: Ellipsoid = GRS80
 ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-    """Geodetic latitude and longitude in degrees and altitude in metres.
+    """Return geodetic latitude and longitude [degrees] and altitude [m] of positions.
 
-    Bowring's iteration (Survey Review 23, 1976); three rounds leave less than a
-    micrometre from the ground up to geostationary distance.
+    It takes Bowring's iteration (Survey Review 23, 1976), whose three rounds leave less
+    than a micrometre from the ground up to geostationary distance.
     """
     x, y, _ = np.moveaxis(position_m, -1, 0)
     sin_φ, cos_φ, altitude = _latitude(position_m, ellipsoid)
@@ -102,7 +108,7 @@ def geodetic(
 def vertical(
     position_m: Float[np.ndarray, "*n 3"], ellipsoid: Ellipsoid = GRS80
 ) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n"]]:
-    """The upward unit vector and the altitude in metres, without any angle."""
+    """Return the upward unit vector and the altitude [m], without any angle."""
     x, y, _ = np.moveaxis(position_m, -1, 0)
     sin_φ, cos_φ, altitude = _latitude(position_m, ellipsoid)
     # On the axis, where there is no meridian, cos φ is 0.
@@ -142,10 +148,11 @@ def curvature_radius(
     direction: Float[np.ndarray, "*n 3"],
     ellipsoid: Ellipsoid = GRS80,
 ) -> Float[np.ndarray, "*n"]:
-    """Radius of curvature at the ground in the vertical plane of a direction.
+    """Return the radius of curvature [m] at the ground in the vertical plane of a
+    direction.
 
-    Euler's theorem between the meridian and the prime-vertical radius; a vertical
-    direction has no plane and gets their mean.
+    It follows from Euler's theorem for the meridian and the prime-vertical radius. A
+    vertical direction has no plane and gets their mean.
     """
     e2 = ellipsoid.eccentricity_squared
     w2 = 1 - e2 * normal[..., 2] ** 2
@@ -167,7 +174,8 @@ def intersect(
     direction: Float[np.ndarray, "*n 3"],
     ellipsoid: Ellipsoid = GRS80,
 ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"], Bool[np.ndarray, "*n"]]:
-    """Distances at which lines enter and leave an ellipsoid, and whether they do.
+    """Find the distances [m] at which lines enter and leave an ellipsoid, and whether
+    they do.
 
     Distances may be negative (behind the origin). A line that misses has both
     distances at its point of closest approach, so that its chord is empty.
@@ -184,3 +192,16 @@ def intersect(
     half = np.sqrt(np.where(hit, 1 - miss2, 0) / d_norm2)
     a = ellipsoid.semi_major_m
     return (closest - half) * a, (closest + half) * a, hit
+
+
+def sun_over(
+    latitude_deg: float, longitude_deg: float, *, zenith_deg: float, azimuth_deg: float
+) -> Float[np.ndarray, "3"]:
+    """Return the direction of a sun that stands so over a place: a unit vector, ECEF.
+
+    **Arguments:** `zenith_deg`: from straight up; `azimuth_deg`: clockwise from north.
+    """
+    θ, α = np.radians([zenith_deg, azimuth_deg])
+    east, north, vertical = east_north_up(latitude_deg, longitude_deg)
+    level = np.sin(α) * east + np.cos(α) * north
+    return np.cos(θ) * vertical + np.sin(θ) * level

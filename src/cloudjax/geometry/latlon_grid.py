@@ -1,4 +1,4 @@
-"""Regular grids of latitude and longitude, and bilinear sampling on them."""
+"""Fields on regular grids of latitude and longitude are sampled bilinearly."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,7 +16,8 @@ _UNIFORM = 1e-3
 
 
 class UniformAxis(eqx.Module):
-    """Evenly spaced nodes, as numbers, not an array: cells are found without search.
+    """A `UniformAxis` has evenly spaced nodes, so that cells are found without a
+    search.
 
     `first` and `step` in degrees, `size` nodes; a `periodic` axis goes on at its first
     node after its last, any other is held constant outside.
@@ -29,7 +30,7 @@ class UniformAxis(eqx.Module):
 
     @property
     def values(self) -> Float[np.ndarray, " size"]:
-        """The nodes [degrees]."""
+        """Give the nodes [degrees]."""
         return self.first + self.step * np.arange(self.size)
 
     def cell(
@@ -37,7 +38,9 @@ class UniformAxis(eqx.Module):
     ) -> tuple[
         Int[AnyArray, "*points"], Int[AnyArray, "*points"], Float[AnyArray, "*points"]
     ]:
-        """Nodes below and above each position [degrees], and the fraction between."""
+        """Return the nodes below and above each position [degrees], and the fraction
+        between.
+        """
         xp = np if isinstance(position, np.ndarray) else jnp
         index = (position - self.first) / self.step
         if self.periodic:
@@ -76,7 +79,8 @@ def _uniform_axis(values: ArrayLike, name: str, *, period: float = 0.0) -> Unifo
 
 
 class LatLonGrid(eqx.Module):
-    """A regular latitude-longitude grid: geometry only, no field, hashable.
+    """A `LatLonGrid` is regular in latitude and longitude; it holds no field, and is
+    hashable.
 
     Longitude is periodic where the grid covers the circle. Build it from coordinate
     arrays with `LatLonGrid.from_axes`.
@@ -89,7 +93,7 @@ class LatLonGrid(eqx.Module):
     def from_axes(
         cls, latitude_deg: ArrayLike, longitude_deg: ArrayLike
     ) -> "LatLonGrid":
-        """The grid with these nodes.
+        """Make the grid with these nodes.
 
         **Arguments:**
 
@@ -113,11 +117,13 @@ class LatLonGrid(eqx.Module):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(lat, lon) numbers of nodes."""
+        """Count the nodes in latitude and longitude."""
         return self.latitude.size, self.longitude.size
 
     def unit_vectors(self) -> Float[np.ndarray, "lat lon 3"]:
-        """The nodes as float64 unit vectors; x to (0°, 0°), z to the north pole."""
+        """Return the nodes as float64 unit vectors; x points to (0°, 0°), z to the
+        north pole.
+        """
         phi, lam = np.deg2rad(self.latitude.values), np.deg2rad(self.longitude.values)
         # cos(π/2) is not 0 in floating point, and a pole must be one point
         cos_phi = np.where(self._at_pole(), 0.0, np.cos(phi))
@@ -128,7 +134,7 @@ class LatLonGrid(eqx.Module):
     def single_valued_poles(
         self, nodes: Float[Array, "*batch lat lon channels"]
     ) -> Float[Array, "*batch lat lon channels"]:
-        """The field, with any row on a pole replaced by its mean over longitude."""
+        """Replace rows on the poles by their mean over longitude."""
         if not self.longitude.periodic:
             return nodes
         mean = jnp.mean(nodes, axis=-2, keepdims=True)
@@ -139,7 +145,9 @@ class LatLonGrid(eqx.Module):
         latitude_deg: Float[AnyArray, "*points"],
         longitude_deg: Float[AnyArray, "*points"],
     ) -> list[tuple[Int[AnyArray, "*points"], Float[AnyArray, "*points"]]]:
-        """Flat node index and bilinear weight of the four nodes round each point."""
+        """Return flat node index and bilinear weight of the four nodes round each
+        point.
+        """
         if not self.longitude.periodic:
             # It may lie across the date line: count from its own middle.
             axis = self.longitude
@@ -161,7 +169,8 @@ class LatLonGrid(eqx.Module):
         latitude_deg: Float[AnyArray, "*points"],
         longitude_deg: Float[AnyArray, "*points"],
     ) -> Float[AnyArray, "*points channels"]:
-        """Bilinear interpolation, held constant outside a non-periodic axis.
+        """Interpolate a field bilinearly; outside a non-periodic axis it is held
+        constant.
 
         numpy coordinates give a numpy result of their own precision, so that host code
         in float64 loses nothing to float32; all else, or a traced field, gives JAX.
@@ -182,7 +191,7 @@ def weighted_nodes(
     flat: Float[AnyArray, "nodes *channels"],
     corners: list[tuple[Int[AnyArray, "*points"], Float[AnyArray, "*points"]]],
 ) -> Float[AnyArray, "..."]:
-    """Sum of weight times node over the `corners` that `LatLonGrid.corners` found."""
+    """Sum weight times node over the `corners` that `LatLonGrid.corners` found."""
     xp = np if isinstance(flat, np.ndarray) else jnp
     terms = [
         xp.take(flat, index, axis=0, mode="clip")

@@ -1,9 +1,8 @@
-"""The way of a ray through a shell, in small local numbers for the device."""
+"""A path is the way of a ray through a shell, in small local numbers for the device."""
 
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,7 +13,8 @@ from .shells import Chords
 
 
 class Path(eqx.Module):
-    """Chords through one shell, each on the sphere that osculates the ellipsoid.
+    """A `Path` holds the chords of rays through one shell, each on the sphere that
+    osculates the ellipsoid.
 
     **Fields:**
 
@@ -35,7 +35,9 @@ class Path(eqx.Module):
     ends_m: Float[Array, "rays ends"] | None = None
 
     def distance_m(self, steps: int) -> Float[Array, "rays {steps}"]:
-        """Distances from the entry to the middle of the steps along the chord."""
+        """Return the distances [m] from the entry to the middle of the steps along the
+        chord.
+        """
         if self.ends_m is not None:
             return (self.ends_m[:, 1:] + self.ends_m[:, :-1]) / 2
         fraction = (jnp.arange(steps, dtype=self.length_m.dtype) + 0.5) / steps
@@ -44,10 +46,10 @@ class Path(eqx.Module):
     def altitude_m(
         self, distance_m: Float[Array, "rays steps"]
     ) -> Float[Array, "rays steps"]:
-        """Altitude after a distance from the entry.
+        """Return the altitude [m] after a distance [m] from the entry.
 
-        From |r + s d|² = r² + 2 r μ s + s², with the difference of squares divided
-        out, so that nothing large is subtracted and float32 keeps centimetres.
+        It follows from |r + s d|² = r² + 2 r μ s + s², with the difference of squares
+        divided out, so that nothing large is subtracted and float32 keeps centimetres.
         """
         r = self.radius_m[:, None]
         gained = (2 * r * self._slope()[:, None] + distance_m) * distance_m
@@ -56,10 +58,11 @@ class Path(eqx.Module):
     def distance_to_m(
         self, altitude_m: Float[Array, "rays points"]
     ) -> Float[Array, "rays points"]:
-        """Distance from the entry to an altitude, the inverse of `altitude_m`.
+        """Return the distance [m] from the entry to an altitude, the inverse of
+        `altitude_m`.
 
-        Negative before the entry. The nearer one of two; where the ray never comes so
-        low or so high, that of its turning point or thereabouts.
+        It is negative before the entry, and the nearer one of two. Where the ray never
+        comes so low or so high, it is that of the turning point or thereabouts.
         """
         r, gained = self.radius_m[:, None], altitude_m - self.entry_altitude_m[:, None]
         gained = (2 * r + gained) * gained
@@ -70,7 +73,9 @@ class Path(eqx.Module):
     def up(
         self, distance_m: Float[Array, "rays steps"]
     ) -> Float[Array, "3 rays steps"]:
-        """The vertical after a distance from the entry, unit vectors."""
+        """Return the vertical after a distance [m] from the entry, as unit vectors,
+        ECEF.
+        """
         start = self.radius_m[None, :] * self.entry_up.T
         position = start[..., None] + self.direction.T[..., None] * distance_m[None]
         return position / jnp.linalg.norm(position, axis=0)[None]
@@ -78,13 +83,13 @@ class Path(eqx.Module):
     def branch(
         self,
         distance_m: Float[Array, " rays"],
-        direction: Float[Array, "3"],
+        direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
     ) -> "Path":
-        """A way that leaves the ray after a distance, in another direction.
+        """Leave the rays after a distance [m], in another direction.
 
-        On a sphere of the same curvature at the ground: its altitudes differ from those
-        over the ellipsoid by less than 1 % of the drop of the horizon.
+        It runs over a sphere of the same curvature at the ground: its altitudes differ
+        from those over the ellipsoid by less than 1 % of the drop of the horizon.
         """
         start = distance_m[:, None]
         altitude = self.altitude_m(start)[:, 0]
@@ -92,7 +97,7 @@ class Path(eqx.Module):
             length_m=ends_m[:, -1],
             entry_altitude_m=altitude,
             radius_m=self.radius_m + (altitude - self.entry_altitude_m),
-            direction=jnp.broadcast_to(direction[None], self.direction.shape),
+            direction=direction,
             entry_up=self.up(start)[..., 0].T,
             ends_m=ends_m,
         )
@@ -102,7 +107,7 @@ class Path(eqx.Module):
 
 
 def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
-    """Bring chords onto the device. Runs on the host in float64."""
+    """Bring chords onto the device; the work runs on the host, in float64."""
     upward, altitude = vertical(rays.at(chords.entry_m), ellipsoid)
     ground_radius = curvature_radius(upward, rays.direction, ellipsoid)
     return Path(
@@ -117,7 +122,9 @@ def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
 def points_along(
     rays: Rays, chord: Chords, knots: int
 ) -> list[Float[np.ndarray, "rays 3"]]:
-    """ECEF positions on the chords, equally far apart from the entry to the exit."""
+    """Return ECEF positions [m] on the chords, equally far apart from the entry to the
+    exit.
+    """
     return [
         rays.at(chord.entry_m + chord.length_m * fraction)
         for fraction in np.linspace(0, 1, knots)
@@ -125,7 +132,7 @@ def points_along(
 
 
 def middles(parts: int) -> Float[np.ndarray, "{parts}"]:
-    """Of equal parts of a chord, which runs from 0 to 1."""
+    """Return the middles of equal parts of a chord, which runs from 0 to 1."""
     return (np.arange(parts) + 0.5) / parts
 
 
@@ -133,9 +140,9 @@ def along_chord(
     knots: Sequence[Float[Array, "..."]] | Float[Array, "knots ..."],
     at: Float[np.ndarray, " points"],
 ) -> Float[Array, "... points"]:
-    """From values at the knots, [... 1] each, to parts of the chord from 0 to 1.
+    """Interpolate values at the knots, [... 1] each, at parts of the chord from 0 to 1.
 
-    Linear in between; an explicit sum of few terms.
+    It is linear in between, an explicit sum of few terms.
     """
     last_axis = (1,) * (jnp.ndim(knots[0]) - 1) + (-1,)
     first, *rest = hats(len(knots), at)
@@ -146,12 +153,14 @@ def along_chord(
 
 
 def hats(knots: int, at: Float[np.ndarray, " points"]) -> Float[np.ndarray, "k points"]:
-    """What each knot, equally far apart from 0 to 1, gives to points in between."""
+    """Return the weight of each knot, equally far apart from 0 to 1, at points in
+    between.
+    """
     return np.maximum(1 - np.abs(at * (knots - 1) - np.arange(knots)[:, None]), 0)
 
 
 class Profile(eqx.Module):
-    """Values along chords, linear in between.
+    """A `Profile` holds values along chords, linear in between.
 
     **Fields:**
 
@@ -164,7 +173,7 @@ class Profile(eqx.Module):
     ends: bool = eqx.field(static=True, default=False)
 
     def in_steps(self, steps: int) -> Float[Array, "rays {steps}"]:
-        """In the middle of equal steps."""
+        """Return the values in the middle of equal steps."""
         points = self.values.shape[-1]
         if points == steps and not self.ends:
             return self.values
@@ -175,8 +184,25 @@ class Profile(eqx.Module):
         share = jnp.asarray(share, self.values.dtype)
         return jnp.matmul(self.values, share, precision="highest")
 
+    def with_knots(self, knots: int) -> "Profile":
+        """Hold the same values at more points; exact where old points remain points.
+
+        **Raises:** `ValueError` where they do not.
+        """
+        stretches = self.values.shape[-1] - 1
+        if knots - 1 == stretches:
+            return self
+        if not self.ends or (knots - 1) % stretches:
+            raise ValueError(f"{stretches + 1} points cannot be held as {knots}.")
+        at = np.linspace(0, 1, knots)
+        share = jnp.asarray(hats(stretches + 1, at), self.values.dtype)
+        values = jnp.matmul(self.values, share, precision="highest")
+        return Profile(values, ends=True)
+
     def at(self, part: Float[Array, "rays places"]) -> Float[Array, "rays places"]:
-        """At parts of the chord, from 0 to 1; half a step from its ends as there."""
+        """Return the values at parts of the chord, from 0 to 1; within half a step of
+        its ends they are held.
+        """
         last = self.values.shape[-1] - 1
         place = part * last if self.ends else part * (last + 1) - 0.5
         place = jnp.clip(place, 0, last)
@@ -189,9 +215,10 @@ class Profile(eqx.Module):
 
 
 def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
-    """What each of a chord's steps gives to fewer points in the middle of equal parts.
+    """Return the share of each of a chord's steps that goes to fewer points, in the
+    middle of equal parts.
 
-    Linear between points, so that Σ_s w_s g(s) = Σ_p (w @ to_points)_p g_p.
+    Shares are linear between points, so that Σ_s w_s g(s) = Σ_p (w @ to_points)_p g_p.
     """
     at = np.clip(middles(steps) * points - 0.5, 0, points - 1)[:, None]
     return np.maximum(1 - np.abs(at - np.arange(points)), 0)
@@ -200,9 +227,10 @@ def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
 def on_chord(
     knots: Sequence[Float[Array, "*n"]], at: Float[Array, "*#n"]
 ) -> Float[Array, "*n"]:
-    """From values at the knots to any part of the chord, 0 its entry and 1 its exit.
+    """Interpolate values at the knots at any part of the chord, 0 its entry and 1 its
+    exit.
 
-    Linear in between, and beyond as in the first and the last stretch.
+    It is linear in between, and goes on beyond as in the first and the last stretch.
     """
     stretches = len(knots) - 1
     total = knots[0]
@@ -213,50 +241,6 @@ def on_chord(
     return total
 
 
-def drift_m(
-    vertical: Float[Array, "*n 3"],
-    altitude_m: Float[Array, "*n"],
-    displacement,
-    ellipsoid: Ellipsoid = GRS80,
-) -> Float[Array, "*n 3"]:
-    """From positions to where their air came from, at the same altitude (section 2.2).
-
-    ECEF, on the device: with n the vertical, N the prime-vertical radius and
-    E = diag(1, 1, 1-e²), x = (N E + z) n. The difference of two such is formed from
-    n' - n, so that float32 loses a part in 10⁷ of the drift and not of the Earth.
-
-    **Arguments:**
-
-    - `vertical`: geodetic, unit vectors.
-    - `displacement`: a displacement map.
-    """
-    moved = displacement.displacement_of(vertical)
-    after = vertical + moved
-    e2, a = ellipsoid.eccentricity_squared, ellipsoid.semi_major_m
-    root = jnp.sqrt(1 - e2 * vertical[..., 2] ** 2)
-    root_after = jnp.sqrt(1 - e2 * after[..., 2] ** 2)
-    # N' - N from the difference of the squares under the roots.
-    squares = e2 * moved[..., 2] * (after[..., 2] + vertical[..., 2])
-    swelling = a * squares / (root * root_after * (root + root_after))
-    squash = jnp.asarray([1.0, 1.0, 1 - e2]).reshape((1,) * (moved.ndim - 1) + (3,))
-    level = (a / root_after)[..., None] * moved + swelling[..., None] * vertical
-    return level * squash + altitude_m[..., None] * moved
-
-
-def strain(
-    vertical: Float[Array, "rays 3"], displacement, ellipsoid: Ellipsoid = GRS80
-) -> Float[Array, "rays 3 3"]:
-    """∂x'/∂x of the drift, by the derivative of the interpolated map."""
-
-    def one(n):
-        # Twice as far from the centre, air drifts twice as far.
-        r = jnp.linalg.norm(n)
-        return r * drift_m(n / r, jnp.zeros(()), displacement, ellipsoid)
-
-    gradient = jax.vmap(jax.jacfwd(one))(vertical) / ellipsoid.semi_major_m
-    return jnp.eye(3)[None] + gradient
-
-
 def device_array(x: Float[np.ndarray, "..."]) -> Array:
-    """A host array in the default float of the running JAX, float32 or float64."""
+    """Bring a host array onto the device in the default float of the running JAX."""
     return jnp.asarray(x, dtype=float)

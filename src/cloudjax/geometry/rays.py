@@ -1,6 +1,7 @@
-"""Lines of sight, navigated once in float64 on the host."""
+"""Lines of sight are navigated once, in float64 on the host."""
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,7 +11,7 @@ from .geodesy import GRS80, Ellipsoid, dot, geodetic, intersect, up
 
 @dataclass(frozen=True)
 class Rays:
-    """Lines of sight of a sensor, one per pixel.
+    """`Rays` are the lines of sight of a sensor, one per pixel.
 
     **Fields:**
 
@@ -30,11 +31,13 @@ class Rays:
         return Rays(self.origin_m[index], self.direction[index], self.pixel_rad)
 
     def at(self, distance_m: Float[np.ndarray, " rays"]) -> Float[np.ndarray, "rays 3"]:
-        """ECEF positions at a distance from the sensor along every ray."""
+        """Return ECEF positions [m] at a distance [m] from the sensor on every ray."""
         return self.origin_m + distance_m[:, None] * self.direction
 
     def footprint_m(self, ellipsoid: Ellipsoid = GRS80) -> Float[np.ndarray, " rays"]:
-        """Root of each pixel's area on the ground; NaN off the Earth."""
+        """Return the root of each pixel's area on the ground [m]; it is NaN off the
+        Earth.
+        """
         ground, hit = self.ground(ellipsoid)
         vertical = up(ground.latitude_deg, ground.longitude_deg)
         slant = -dot(vertical, self.direction)
@@ -44,7 +47,7 @@ class Rays:
     def ground(
         self, ellipsoid: Ellipsoid = GRS80
     ) -> tuple["GroundPoints", Bool[np.ndarray, " rays"]]:
-        """Where the rays first meet the ellipsoid, and which ones do.
+        """Find where the rays first meet the ellipsoid, and which ones do.
 
         A ray that misses gets its point of closest approach.
         """
@@ -56,8 +59,24 @@ class Rays:
 
 @dataclass(frozen=True)
 class GroundPoints:
-    """Geodetic positions on the ellipsoid and their distance from the sensor."""
+    """`GroundPoints` are geodetic positions on the ellipsoid, with their distances from
+    the sensor.
+    """
 
     latitude_deg: Float[np.ndarray, " rays"]
     longitude_deg: Float[np.ndarray, " rays"]
     distance_m: Float[np.ndarray, " rays"]
+
+
+@runtime_checkable
+class Sensor(Protocol):
+    """A sensor is anything that has lines of sight: a camera, a fixed grid."""
+
+    def rays(self) -> Rays:
+        """Return the lines of sight of all pixels."""
+        ...
+
+
+def lines_of_sight(sight: Rays | Sensor) -> Rays:
+    """Return the rays of a sensor; rays are returned as they are."""
+    return sight if isinstance(sight, Rays) else sight.rays()

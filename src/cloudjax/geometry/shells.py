@@ -1,4 +1,4 @@
-"""Cloud shells: the air between two altitudes, and the chords that rays cut from it."""
+"""Clouds live in shells of air between two altitudes, from which rays cut chords."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from .rays import Rays
 
 @dataclass(frozen=True)
 class Shell:
-    """The air between two geodetic altitudes.
+    """A `Shell` is the air between two geodetic altitudes.
 
     **Fields:** `bottom_m`, `top_m`.
     """
@@ -29,7 +29,8 @@ class Shell:
 
 @dataclass(frozen=True)
 class Chords:
-    """The part of each ray that lies within a shell: empty where the ray misses.
+    """`Chords` are the parts of rays that lie within a shell; they are empty where a
+    ray misses.
 
     **Fields:** `entry_m`, `length_m`: distance of the entry from the sensor, and how
     long the ray stays.
@@ -40,7 +41,8 @@ class Chords:
 
 
 def chords(rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80) -> Chords:
-    """The first chord of each ray through a shell, from wherever the sensor stands.
+    """Find the first chord of each ray through a shell, from wherever the sensor
+    stands.
 
     The sensor may be above, within or below the shell.
     """
@@ -50,7 +52,9 @@ def chords(rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80) -> Chords:
 def both_chords(
     rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80
 ) -> tuple[Chords, Chords]:
-    """The first chords, and what rays that graze the Earth cross beyond the floor."""
+    """Find the first chord of each ray, and the second one of rays that graze the Earth
+    and cross the shell again beyond its floor.
+    """
     near, far, hits = _cut(rays, ellipsoid.raised(shell.top_m))
     floor_near, floor_far, hits_floor = _cut(rays, ellipsoid.raised(shell.bottom_m))
     grounded = _meets_ground(rays, ellipsoid)

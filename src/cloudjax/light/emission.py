@@ -1,9 +1,9 @@
-"""Scattering of thermal radiation: why thick cloud is no black body.
+"""Thick cloud is no black body, because it scatters thermal radiation.
 
-Without it cloud is a pure absorber. Droplets scatter most of what they meet at 3.9 µm
-and a good part elsewhere, so that a thick cloud emits 1 - R of Planck's radiance and
-looks colder than it is: by several kelvin at 3.9 µm, by one to three in the windows
-(docs/physics.md has the figures).
+Without scattering, cloud is a pure absorber. Droplets scatter most of what they meet at
+3.9 µm and a good part elsewhere, so that a thick cloud emits 1 - R of Planck's radiance
+and looks colder than it is: by several kelvin at 3.9 µm, by one to three in the windows
+(docs/theory/model.md has the figures).
 """
 
 import equinox as eqx
@@ -23,7 +23,7 @@ LEAST_DEPTH = 0.1
 
 
 class Factors(eqx.Module):
-    """What scattering changes, relative to a pure absorber.
+    """`Factors` say what scattering changes, relative to a pure absorber.
 
     **Fields:** `emitted`, `stopped`: factors on what is emitted towards the viewer and
     on what is hidden of the background.
@@ -34,11 +34,11 @@ class Factors(eqx.Module):
 
 
 class EmittingSlabs(eqx.Module):
-    """Each pixel's cloud as a plane-parallel slab that scatters what it emits.
+    """Each pixel's cloud is a plane-parallel slab that scatters what it emits.
 
     The emissivity is 1 - R - T for light from the viewer, by Kirchhoff's law; along the
     way it is shared out as a pure absorber's. Light from behind is isotropic, the sky
-    above is black. For viewers above the cloud.
+    above is black. Viewers are above the cloud.
 
     **Fields:** `networks`.
     """
@@ -51,7 +51,9 @@ class EmittingSlabs(eqx.Module):
         particles: Scatterers,
         view_height: Float[Array, " rays"],
     ) -> Factors:
-        """**Arguments:**
+        """Return the factors of one layer in one band.
+
+        **Arguments:**
 
         - `absorption_depth`: of the pure absorber, along the line of sight.
         - `particles`: in the band.

@@ -1,4 +1,4 @@
-"""Small neural networks whose weights depend on the material.
+"""Small neural networks have weights that depend on the material.
 
 What a cloud's particles are is the same for all rays of a band, where they are lit and
 seen from is not. A first network turns the material into the weights of a second, which
@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 
 class Network(eqx.Module):
-    """Two hidden layers, with weights mixed by two hidden layers.
+    """A `Network` has two hidden layers, whose weights are mixed by two hidden layers.
 
     All weights of the second network are sums over `mixtures` of stored weights; the
     first mixture has the factor 1, the others what the first network says.
@@ -36,7 +36,9 @@ class Network(eqx.Module):
         material: Float[Array, " material"],
         features: Float[Array, "features *n"],
     ) -> Float[Array, "outputs *n"]:
-        """Bounded for bounded features, however far from where it was trained."""
+        """Evaluate the network; for bounded features the outputs are bounded, however
+        far from where it was trained.
+        """
         x = soft_sign(self.mixer_weight_1 @ material + self.mixer_bias_1)
         x = soft_sign(self.mixer_weight_2 @ x + self.mixer_bias_2)
         x = self.mixer_weight_3 @ x + self.mixer_bias_3
@@ -54,5 +56,5 @@ class Network(eqx.Module):
 
 
 def soft_sign(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """x/√(1 + x²): smooth, bounded, and half the price of tanh."""
+    """Return x/√(1 + x²), which is smooth and bounded, and half the price of tanh."""
     return x / jnp.sqrt(1 + x**2)

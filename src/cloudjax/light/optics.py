@@ -1,8 +1,10 @@
-"""What cloud particles do to light in the ABI bands, by phase and effective radius.
+"""Cloud particles absorb and scatter light in the ABI bands, by phase and effective
+radius.
 
-Means over each band's spectral response, smooth in radius: Mie theory for droplets, the
-fits of Fu (1996) and Fu et al. (1998) for crystals. The table, cloud_optics.toml, is
-made by tools/make_optics.py; docs/optics.md compares it with published values.
+Values are means over each band's spectral response, smooth in radius, from Mie theory
+for droplets and the fits of Fu (1996) and Fu et al. (1998) for crystals. The table,
+cloud_optics.toml, is made by tools/make_optics.py; docs/theory/optics.md compares it
+with published values.
 """
 
 import functools as ft
@@ -32,7 +34,7 @@ class _Table(NamedTuple):
 
 
 class Particles(eqx.Module):
-    """Cloud particles of one phase and effective radius.
+    """`Particles` of cloud have one phase and one effective radius.
 
     Bands are ABI numbers. What belongs to sunlight is averaged with the solar spectrum
     (bands 1 to 7), what belongs to emission with Planck's at cloud temperature (7 to
@@ -48,36 +50,37 @@ class Particles(eqx.Module):
     effective_radius_um: Float[Array, ""] | float
 
     def extinction_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Per condensate, in m²/g; in band 7 for sunlight."""
+        """Return the extinction per mass of condensate [m²/g]; in band 7 it is that of
+        sunlight.
+        """
         return jnp.exp(self._rows(0, [_sunlit(band) for band in bands]))
 
     def relative_extinction_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Over that at 0.64 µm (band 2)."""
+        """Return the extinction relative to that at 0.64 µm (band 2)."""
         return self.extinction_in(bands) / self.extinction_in([REFERENCE_BAND])
 
     def co_albedo_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """1 - ω of sunlight."""
+        """Return 1 - ω of sunlight."""
         return jnp.exp(self._rows(1, [_sunlit(band) for band in bands]))
 
     def asymmetry_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Mean cosine of the scattering angle of sunlight."""
+        """Return the mean cosine of the scattering angle of sunlight."""
         return self._rows(2, [_sunlit(band) for band in bands])
 
-    def absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Of thermal radiation per condensate, k (1 - ω), in m²/g; bands 7 to 16."""
-        rows = [_thermal(band) for band in bands]
-        return jnp.exp(self._rows(0, rows) + self._rows(1, rows))
-
     def thermal_co_albedo_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """1 - ω of thermal radiation; bands 7 to 16."""
+        """Return 1 - ω of thermal radiation; bands 7 to 16."""
         return jnp.exp(self._rows(1, [_thermal(band) for band in bands]))
 
     def thermal_asymmetry_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Mean cosine of the scattering angle of thermal radiation; bands 7 to 16."""
+        """Return the mean cosine of the scattering angle of thermal radiation; bands 7
+        to 16.
+        """
         return self._rows(2, [_thermal(band) for band in bands])
 
     def effective_absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Of a pure absorber in place of the cloud, in m²/g: see `effective_share`."""
+        """Return the absorption [m²/g] of a pure absorber in place of the cloud: see
+        `effective_share`.
+        """
         rows = [_thermal(band) for band in bands]
         share = effective_share(
             self.thermal_co_albedo_in(bands), self.thermal_asymmetry_in(bands)
@@ -85,20 +88,22 @@ class Particles(eqx.Module):
         return jnp.exp(self._rows(0, rows)) * share
 
     def relative_absorption_in(self, bands: Sequence[int]) -> Float[Array, " bands"]:
-        """Effective, of thermal radiation, over that at 10.35 µm (band 13)."""
+        """Return the effective absorption of thermal radiation relative to that at
+        10.35 µm (band 13).
+        """
         window = self.effective_absorption_in([WINDOW_BAND])
         return self.effective_absorption_in(bands) / window
 
     @property
     def infrared_ratio(self) -> Float[Array, ""]:
-        """Effective absorption at 10.35 µm over extinction at 0.64 µm."""
+        """Give the effective absorption at 10.35 µm over the extinction at 0.64 µm."""
         window = self.effective_absorption_in([WINDOW_BAND])
         return (window / self.extinction_in([REFERENCE_BAND]))[0]
 
     def water_content_g_m3(
         self, extinction_per_m: Float[Array, "*n"]
     ) -> Float[Array, "*n"]:
-        """Condensate that has an extinction at 0.64 µm."""
+        """Return the condensate [g/m³] that has this extinction [1/m] at 0.64 µm."""
         return extinction_per_m / self.extinction_in([REFERENCE_BAND])[0]
 
     def _rows(self, quantity: int, rows: list[int]):
@@ -115,7 +120,7 @@ class Particles(eqx.Module):
 def effective_share(
     co_albedo: Float[Array, "*bands"], asymmetry: Float[Array, "*bands"]
 ) -> Float[Array, "*bands"]:
-    """The share of extinction that a pure absorber needs to stand for a cloud.
+    """Return the share of extinction that a pure absorber needs to stand for a cloud.
 
     1 - ω (1 - b): what is scattered back, the share b of all that is scattered, is lost
     to the line of sight as well (Chou et al. 1999, J. Climate 12, 159, eqs 8 and 11).
@@ -125,12 +130,14 @@ def effective_share(
 
 
 def water(effective_radius_um: Float[Array, ""] | float) -> Particles:
-    """Droplets with a gamma distribution of effective variance 0.1."""
+    """Make droplets with a gamma distribution of effective variance 0.1."""
     return Particles("water", effective_radius_um)
 
 
 def ice(effective_radius_um: Float[Array, ""] | float) -> Particles:
-    """Hexagonal crystals, 3√3/8 of whose generalised effective size is the radius."""
+    """Make hexagonal crystals; the effective radius is 3√3/8 of their generalised
+    effective size.
+    """
     return Particles("ice", effective_radius_um)
 
 

@@ -1,4 +1,4 @@
-"""Phase functions of scattering, of the cosine of the scattering angle.
+"""Phase functions of scattering depend on the cosine of the scattering angle.
 
 All are normalised to a mean of 1 over the sphere; the cosine is 1 forwards.
 """
@@ -11,30 +11,30 @@ from jaxtyping import Array, Float
 
 
 class AbstractPhase(eqx.Module):
-    """How a particle shares out the light that it scatters."""
+    """A phase function says how a particle shares out the light that it scatters."""
 
     @abc.abstractmethod
     def __call__(self, cosine: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """The phase function P, with ∫P dΩ = 4π."""
+        """Return the phase function P, with ∫P dΩ = 4π."""
 
     @property
     @abc.abstractmethod
     def moments(self) -> Float[Array, "4"]:
-        """Means of the Legendre polynomials of degrees 1 to 4."""
+        """Give the means of the Legendre polynomials of degrees 1 to 4."""
 
     @property
     @abc.abstractmethod
     def forward(self) -> Float[Array, ""]:
-        """Asymmetry of the forward peak, which the high moments follow."""
+        """Give the asymmetry of the forward peak, which the high moments follow."""
 
     @property
     def asymmetry(self) -> Float[Array, ""]:
-        """Mean cosine of the scattering angle."""
+        """Give the mean cosine of the scattering angle."""
         return self.moments[0]
 
 
 class HenyeyGreenstein(AbstractPhase):
-    """Henyey & Greenstein (1941, Astrophys. J. 93, 70)."""
+    """This is that of Henyey & Greenstein (1941, Astrophys. J. 93, 70)."""
 
     parameter: Float[Array, ""]
 
@@ -51,7 +51,8 @@ class HenyeyGreenstein(AbstractPhase):
 
 
 class DoubleHenyeyGreenstein(AbstractPhase):
-    """Two of them: a forward peak and a backward one, as clouds have in their glory.
+    """Two such functions add up: a forward peak and a backward one, as clouds have in
+    their glory.
 
     **Fields:** `ahead`, `behind`: asymmetry of each, the second negative; `share`: of
     the first.
@@ -78,7 +79,8 @@ class DoubleHenyeyGreenstein(AbstractPhase):
 
 
 class CornetteShanks(AbstractPhase):
-    """Cornette & Shanks (1992, Appl. Opt. 31, 3152), which is Rayleigh's for g = 0.
+    """This is the phase function of Cornette & Shanks (1992, Appl. Opt. 31, 3152),
+    which is Rayleigh's for g = 0.
 
     **Fields:** `parameter`: their g, at most 0.06 below the asymmetry.
     """

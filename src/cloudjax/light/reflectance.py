@@ -1,10 +1,10 @@
-"""Sunlight in plane-parallel slabs of cloud, for any sun and viewer.
+"""Plane-parallel slabs of cloud reflect sunlight, for any sun and viewer.
 
 Light that was scattered once is exact, with the phase function's own shape; the rest is
 emulated by small networks that were fitted to the doubling method with 32 streams
 (tools/make_reflectance.py). Two-stream limits are built in, so that thin slabs scatter
 once, thick ones saturate, and without absorption what is not reflected is transmitted.
-docs/reflectance.md has the method, its domain and its measured error.
+docs/theory/reflectance.md has the method, its domain and its measured error.
 
 Domain: optical depths of 0.01 to 200, co-albedos of 0 to 0.5, asymmetries of 0 to 0.9,
 cosines of 0.05 to 1. Beyond it values and gradients stay finite and go to their limits:
@@ -30,7 +30,7 @@ LARGEST_DEPTH = 1e6
 
 
 class PlaneParallel(eqx.Module):
-    """Homogeneous slabs over black or Lambertian surfaces.
+    """A `PlaneParallel` solves homogeneous slabs over black or Lambertian surfaces.
 
     Optical depths are vertical. `co_albedo` is 1 - ω. Cosines are of zenith angles,
     which the sun and the viewer may swap; `scattering` is the cosine of the angle
@@ -47,7 +47,7 @@ class PlaneParallel(eqx.Module):
 
     @classmethod
     def load(cls) -> "PlaneParallel":
-        """The networks that come with the package."""
+        """Load the networks that come with the package."""
         return cls(*(_network(name) for name in cls.__dataclass_fields__))
 
     def reflectance(
@@ -59,7 +59,7 @@ class PlaneParallel(eqx.Module):
         view: Float[Array, "*n"],
         scattering: Float[Array, "*n"],
     ) -> Float[Array, "*n"]:
-        """Bidirectional reflectance factor πL/(μ₀F₀) over a black surface."""
+        """Return bidirectional reflectance factor πL/(μ₀F₀) over a black surface."""
         depth = jnp.minimum(optical_depth, LARGEST_DEPTH)
         sun, view = above_horizon(sun), above_horizon(view)
         once = first_order(depth, co_albedo, phase, sun, view, scattering)
@@ -74,7 +74,7 @@ class PlaneParallel(eqx.Module):
         phase: AbstractPhase,
         cosine: Float[Array, "*n"],
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-        """Plane albedo and total (direct and diffuse) transmittance of the flux.
+        """Return plane albedo and total (direct and diffuse) transmittance of the flux.
 
         Their sum is 1 without absorption.
         """
@@ -88,7 +88,7 @@ class PlaneParallel(eqx.Module):
         phase: AbstractPhase,
         cosine: Float[Array, "*n"],
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-        """What an isothermal slab emits, over Planck's radiance, and its albedo.
+        """Return what an isothermal slab emits, over Planck's radiance, and its albedo.
 
         By Kirchhoff's law the emissivity is what the slab absorbs of a beam from there:
         1 - R - T, here without the difference of large numbers.
@@ -112,7 +112,7 @@ class PlaneParallel(eqx.Module):
         co_albedo: Float[Array, ""],
         phase: AbstractPhase,
     ) -> Float[Array, "*n"]:
-        """Share that is reflected of light that comes from everywhere alike."""
+        """Return the reflected share of light that comes from everywhere alike."""
         depth = jnp.minimum(optical_depth, LARGEST_DEPTH)
         g = _asymmetry(phase)
         features, saturation = _depth_features(depth, co_albedo, g)
@@ -129,7 +129,8 @@ class PlaneParallel(eqx.Module):
         view: Float[Array, "*n"],
         surface_albedo: Float[Array, "*n"],
     ) -> Float[Array, "*n"]:
-        """What a Lambertian surface below adds to πL/(μ₀F₀): A T(μ₀) T(μ)/(1 - A R).
+        """Return what a Lambertian surface below adds to πL/(μ₀F₀): A T(μ₀) T(μ)/(1 - A
+        R).
 
         Liou (2002, An Introduction to Atmospheric Radiation, eq. 6.3.31), with the
         transmittance towards the viewer by reciprocity.
@@ -149,14 +150,16 @@ def first_order(
     view: Float[Array, "*n"],
     scattering: Float[Array, "*n"],
 ) -> Float[Array, "*n"]:
-    """πL/(μ₀F₀) of light that was scattered once: ω P (1 - e^-τ(1/μ+1/μ₀))/4(μ+μ₀)."""
+    """Return πL/(μ₀F₀) of light that was scattered once, ω P (1 -
+    e^-τ(1/μ+1/μ₀))/4(μ+μ₀).
+    """
     slant = optical_depth * (sun + view) / (sun * view)
     strength = (1 - co_albedo) / 4 * phase(scattering)
     return strength * -jnp.expm1(-slant) / (sun + view)
 
 
 def above_horizon(cosine: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """A smooth maximum of a cosine and 0.02: 1.003 times a cosine of 0.05."""
+    """Return a smooth maximum of a cosine and 0.02, 1.003 times a cosine of 0.05."""
     above = cosine - LEAST_COSINE
     return LEAST_COSINE + (above + jnp.sqrt(above**2 + 0.004**2)) / 2
 

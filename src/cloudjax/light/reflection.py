@@ -1,7 +1,7 @@
-"""Light in clouds: strategies that turn a march into radiances.
+"""Strategies for light in clouds turn a march into reflected sunlight.
 
 The paper's strategy, `TwoFlux`, solves eqs (2a, 2b) exactly instead of by the rough
-fits (3) and (4), and is equal to (3) without absorption; docs/paper.md lists the
+fits (3) and (4), and is equal to (3) without absorption; docs/theory/paper.md lists the
 differences. It has no phase function and takes the whole extinction for back-scatter,
 so that its extinction is about (1 - g)/2, a thirteenth, of the physical one.
 """
@@ -19,7 +19,8 @@ from .reflectance import PlaneParallel
 
 
 class Illumination(eqx.Module):
-    """How the sun stands to the cloud, and the cloud to the viewer.
+    """An `Illumination` says how the sun stands to the cloud, and the cloud to the
+    viewer.
 
     **Fields:**
 
@@ -39,7 +40,7 @@ class Illumination(eqx.Module):
 
 
 class Scatterers(eqx.Module):
-    """Cloud particles in one band, or in several.
+    """`Scatterers` are cloud particles as one band, or several, see them.
 
     **Fields:** `co_albedo`: 1 - ω. `asymmetry`: mean cosine of the scattering angle.
     """
@@ -49,7 +50,7 @@ class Scatterers(eqx.Module):
 
 
 class Returned(eqx.Module):
-    """What becomes of sunlight in a cloud.
+    """A `Returned` says what becomes of sunlight in a cloud.
 
     **Fields:**
 
@@ -64,7 +65,7 @@ class Returned(eqx.Module):
 
 
 class AbstractReflection(eqx.Module):
-    """How sunlight comes back from a cloud.
+    """A strategy of reflection says how sunlight comes back from a cloud.
 
     **Fields:** `sees_slopes`: whether it asks how the surface is turned to the sun.
     """
@@ -78,7 +79,7 @@ class AbstractReflection(eqx.Module):
         particles: Scatterers,
         light: Illumination,
     ) -> Returned:
-        """What a cloud of one layer does.
+        """Find what the cloud of one layer does to sunlight in one band.
 
         **Arguments:**
 
@@ -89,7 +90,8 @@ class AbstractReflection(eqx.Module):
 
 
 class TwoFlux(AbstractReflection):
-    """The paper's one-dimensional slab with a Lambertian surface (section 2.3).
+    """The cloud is the paper's one-dimensional slab with a Lambertian surface (Schinder
+    et al. 2024, section 2.3).
 
     **Fields:** `indirect`: the share of the light that reaches the surface from
     everywhere above instead of straight from the sun.
@@ -115,10 +117,10 @@ class TwoFlux(AbstractReflection):
 
 
 class Slabs(AbstractReflection):
-    """Each pixel's cloud as a plane-parallel slab, for the actual sun and viewer.
+    """Each pixel's cloud is a plane-parallel slab, for the actual sun and viewer.
 
-    With the phase function of the particles; as DISORT has it within a few parts in a
-    thousand (docs/reflectance.md). For viewers above the cloud.
+    It has the phase function of the particles, and agrees with DISORT within a few
+    parts in a thousand (docs/theory/reflectance.md). Viewers are above the cloud.
 
     **Fields:** `networks`; `phase`: the kind of phase function, of an asymmetry.
     """
@@ -145,14 +147,14 @@ class Slabs(AbstractReflection):
 def slab(
     optical_depth: Float[Array, "*n"], co_albedo: Float[Array, ""]
 ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-    """Reflectance and transmittance of eqs (2a, 2b) with (2b)'s sign put right.
+    """Return reflectance and transmittance of eqs (2a, 2b) with (2b)'s sign put right.
 
     With K² = 1 - ω² per unit optical depth and t = tanh(K τ)/K,
 
         R = ω t / (1 + t),    T = sech(K τ) / (1 + t),
 
-    which is eq. (3) for ω = 1, where t = τ. Finite, with its gradients, for optical
-    depths from 0 to infinity and 1 - ω in [0, 1].
+    which is eq. (3) for ω = 1, where t = τ. Both are finite, with their gradients, for
+    optical depths from 0 to infinity and 1 - ω in [0, 1].
     """
     # Beyond, 1/τ is nothing to float32; τ⁴ in derivatives would overflow.
     optical_depth = jnp.minimum(optical_depth, 1e9)

@@ -94,7 +94,7 @@ class FirstSurface(eqx.Module):
         return self.slope / jnp.sqrt((self.slope**2).sum(0) + 1e-24)[None]
 
     def illumination(
-        self, sun_direction: Float[Array, "3"]
+        self, sun_direction: Float[Array, "rays 3"]
     ) -> tuple[Float[Array, "nodes rays"], Float[Array, "nodes rays"]]:
         """Means of max(n·s, 0) and of max(-n·s, 0) over the rough surface.
 
@@ -102,7 +102,7 @@ class FirstSurface(eqx.Module):
         n·s is normal with mean m and deviation σ: E max(x, 0) = m Φ(m/σ) + σ φ(m/σ).
         """
         size = jnp.sqrt((self.slope**2).sum(0) + 3 * self.slope_variance[None] + 1e-24)
-        mean = jnp.sum(self.slope * sun_direction[:, None, None], axis=0) / size
+        mean = jnp.sum(self.slope * sun_direction.T[:, None], axis=0) / size
         spread = jnp.sqrt(self.slope_variance[None] / size**2 + 1e-8)
         lit = mean * ndtr(mean / spread) + spread * _normal(mean / spread)
         return lit, lit - mean

@@ -10,21 +10,26 @@ point where the light that is seen has turned, a cloud's own light is multiplied
 
 The first is the transmittance of two streams. The second makes slopes that face the sun
 brighter, much as a tilted slab is, by e at most. Nothing changes in a level cloud, and
-nothing under the sun in the zenith for those who look straight down. docs/shadows.md
-has the derivation, what it was measured against, and the limits.
+nothing under the sun in the zenith for those who look straight down.
+
+Where light turns depends on the clouds, and a view on geometry alone. So the clouds
+are sampled towards the sun from a few points of each ray, and both depths are linear in
+between. docs/theory/shadows.md has the derivation, what it was measured against, and
+the limits.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from cloudjax.clouds.source import AbstractCloudSource
 from cloudjax.geometry.path import Path
 
-from .march import march
 from .order import overlap
 
 
@@ -35,14 +40,19 @@ class Shadows(eqx.Module):
 
     - `steps`: towards the sun through each layer. They grow with the distance.
     - `reach_m`: how far at most.
+    - `points`: of each ray's way through a layer, its ends among them, from which the
+      clouds towards the sun are sampled.
     """
 
     steps: int = eqx.field(static=True, default=6)
     reach_m: float = eqx.field(static=True, default=50e3)
+    points: int = eqx.field(static=True, default=5)
 
     def __check_init__(self):
         if self.steps < 1:
             raise ValueError("Shadows take a step at least: leave them out instead.")
+        if self.points < 2:
+            raise ValueError("Shadows are found at both ends of a way: give 2 points.")
 
 
 class Passage(eqx.Module):
@@ -52,66 +62,67 @@ class Passage(eqx.Module):
 
     - `source`, `textures`: of cloud.
     - `way`, `samples`: what the source made of the rays.
-    - `start_m`: as in `scene.View`.
-    - `returned_per_m`: bβ in each reflective band.
-    - `steps`: of the march.
+    - `start_m`: as in `view.View`.
     """
 
     source: AbstractCloudSource
-    textures: PyTree
-    way: PyTree
-    samples: PyTree
+    textures: Any
+    way: Any
+    samples: Any
     start_m: Float[Array, " rays"]
-    returned_per_m: Float[Array, " bands"]
-    steps: int = eqx.field(static=True)
 
     @property
     def path(self) -> Path:
         return self.way.path
 
-    def at_altitudes_of(self, way: Path, steps: int) -> PyTree:
-        """Its own samples at the altitudes of a way that its source was sampled on."""
+    def repeated(self, times: int) -> "Passage":
+        """Take every ray so many times in a row."""
+        way, samples, start = jax.tree.map(
+            lambda x: jnp.repeat(x, times, axis=0),
+            (self.way, self.samples, self.start_m),
+        )
+        return Passage(self.source, self.textures, way, samples, start)
+
+    def at_altitudes_of(self, way: Path, steps: int) -> Any:
+        """Read its own samples at the altitudes of a way that its source sampled."""
         altitude = way.altitude_m(way.distance_m(steps))
         length = jnp.maximum(self.path.length_m, 1.0)[:, None]
         return self.samples.on(way, self.path.distance_to_m(altitude) / length)
 
-    def turning_point_m(self) -> Float[Array, " rays"]:
-        """The mean distance from the entry at which light turns: weights exp(-bτ)."""
-        occupancy = self.source.occupancy(self.samples, self.steps)
-        passed = march(occupancy, self.path.length_m)
-        slant = jnp.abs(jnp.sum(self.path.direction * self.path.entry_up, axis=-1))
-        returned = self.returned_per_m.mean() * slant[None, :, None] * passed.cloud_m
-        weight = passed.mean(passed.segment_m * jnp.exp(-returned))
-        total = jnp.maximum(weight.sum(-1), 1e-9)
-        return jnp.sum(weight * self.path.distance_m(self.steps), axis=-1) / total
-
 
 class Shade(eqx.Module):
-    """Cloud of one source between a surface and the sun, and above it in its own pixel.
+    """Cloud of one source between points of a surface and the sun, and above them.
 
     **Fields:**
 
-    - `rise_m`: altitude gained in each step.
+    - `rise_m`: altitude gained in each step from each point.
     - `sunward`, `own`: samples at the same altitudes on the way to the sun, and on the
-      ray that sees the surface.
+      ray that sees the surface; the points are the second axis of every leaf.
     """
 
-    rise_m: Float[Array, "rays steps"]
-    sunward: PyTree
-    own: PyTree
+    rise_m: Float[Array, "rays points steps"]
+    sunward: Any
+    own: Any
 
     def cloud_m(
         self, source: AbstractCloudSource
     ) -> tuple[
-        Float[Array, "nodes rays"], Float[Array, "nodes rays"], Float[Array, " nodes"]
+        Float[Array, "nodes rays points"],
+        Float[Array, "nodes rays points"],
+        Float[Array, " nodes"],
     ]:
-        """Vertical length of the cloud on both ways, and the weights of the nodes."""
-        steps = self.rise_m.shape[-1]
-        sunward = source.occupancy(self.sunward, steps)
-        own = source.occupancy(self.own, steps)
-        rise = self.rise_m[None]
-        lit = jnp.sum(sunward.fraction * rise, axis=-1)
-        return lit, jnp.sum(own.fraction * rise, axis=-1), own.weights
+        """Add up the vertical length of cloud on both ways; weights of the nodes."""
+        rays, points, steps = self.rise_m.shape
+
+        def length(samples):
+            flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), samples)
+            found = source.occupancy(flat, steps)
+            rise = self.rise_m.reshape(1, -1, steps)
+            total = jnp.sum(found.fraction * rise, axis=-1)
+            return total.reshape(-1, rays, points), found.weights
+
+        (lit, weights), (above, _) = length(self.sunward), length(self.own)
+        return lit, above, weights
 
 
 class Shades(eqx.Module):
@@ -128,9 +139,9 @@ def find_shades(
     shadows: Shadows,
     passages: Sequence[Passage],
     layer_of: Sequence[int],
-    sun_direction: Float[Array, "3"],
+    sun_direction: Float[Array, "rays 3"],
 ) -> Shades:
-    """March from what the rays see towards the sun.
+    """Sample the clouds from what the rays see towards the sun.
 
     **Arguments:** `layer_of`: the layer of each passage.
     """
@@ -139,21 +150,23 @@ def find_shades(
         [k for k, layer in enumerate(layer_of) if layer == one]
         for one in range(max(layer_of, default=-1) + 1)
     ]
+    parts = np.linspace(0, 1, shadows.points)
     on_ways, crossings = [], [0] * len(casters)
     for passage, layer in zip(passages, layer_of, strict=True):
         # Of layers that rays cross twice, that of the same crossing.
         crossing, crossings[layer] = crossings[layer], crossings[layer] + 1
-        point, shell = passage.turning_point_m(), passage.source.shell
+        places = passage.path.length_m[:, None] * parts[None].astype(np.float32)
+        shell = passage.source.shell
         on_ways.append(
             tuple(
-                looked[of[crossing]].at(passage, point, near=overlap(shell, other))
+                looked[of[crossing]].at(passage, places, near=overlap(shell, other))
                 if (other := passages[of[crossing]].source.shell).top_m > shell.bottom_m
                 else None
                 for of in casters
             )
         )
     first = passages[0]
-    ground = first.path.distance_to_m(jnp.zeros_like(first.start_m)[:, None])[:, 0]
+    ground = first.path.distance_to_m(jnp.zeros_like(first.start_m)[:, None])
     on_ground = tuple(looked[of[0]].at(first, ground, near=False) for of in casters)
     return Shades(tuple(on_ways), on_ground)
 
@@ -163,31 +176,42 @@ class _Look(eqx.Module):
 
     shadows: Shadows
     through: Passage
-    sun: Float[Array, "3"]
+    sun: Float[Array, "rays 3"]
 
-    def at(self, seen: Passage, point_m: Float[Array, " rays"], *, near: bool) -> Shade:
-        """From a point of another passage, or of this one.
+    def at(
+        self, seen: Passage, points_m: Float[Array, "rays points"], *, near: bool
+    ) -> Shade:
+        """Sample from points of another passage, or of this one.
 
-        **Arguments:** `near`: whether the cloud may begin at the point itself.
+        **Arguments:** `near`: whether the cloud may begin at the points themselves.
         """
-        mine, shell = self.through, self.through.source.shell
-        here = seen.path.branch(point_m, self.sun, jnp.zeros_like(point_m)[:, None])
+        rays, points = points_m.shape
+        mine, seen = self.through.repeated(points), seen.repeated(points)
+        sun, point = jnp.repeat(self.sun, points, axis=0), points_m.reshape(-1)
+        steps, shell = self.shadows.steps, mine.source.shell
+        here = seen.path.branch(point, sun, jnp.zeros_like(point)[:, None])
+        ends = self._ends(here, mine.path, shell, near=near)
+        left = seen.start_m - mine.start_m + point
+        branch = mine.source.branch(mine.way, left, sun, ends)
+        sunward = mine.source.sample(branch, mine.textures, steps=steps, slopes=False)
+        own = mine.at_altitudes_of(branch.path, steps)
+        rise = jnp.diff(here.altitude_m(ends))
+        parts = jax.tree.map(
+            lambda x: x.reshape(rays, points, *x.shape[1:]), (rise, sunward, own)
+        )
+        return Shade(*parts)
+
+    def _ends(self, here: Path, through: Path, shell, *, near: bool):
+        """Distances from the points at which steps towards the sun begin and end."""
         low = jnp.maximum(here.entry_altitude_m, shell.bottom_m)
         levels = jnp.stack([low, jnp.full_like(low, shell.top_m)], axis=-1)
         reached = jnp.clip(here.distance_to_m(levels), 0, self.shadows.reach_m)
         # No part of a shell is on the way from above it, nor of one that is missed.
-        reached = jnp.where(mine.path.length_m[:, None] > 0, reached, 0)
+        reached = jnp.where(through.length_m[:, None] > 0, reached, 0)
         steps = self.shadows.steps
         grown = (np.arange(steps + 1) / steps) ** (2 if near else 1)
         begin, end = reached[:, :1], jnp.maximum(reached[:, 1:], reached[:, :1])
-        ends = begin + (end - begin) * grown[None]
-        left = seen.start_m - mine.start_m + point_m
-        branch = mine.source.branch(mine.way, left, self.sun, ends)
-        sunward = mine.source.sample(
-            branch, mine.textures, steps=steps, with_gradient=False
-        )
-        own = mine.at_altitudes_of(branch.path, steps)
-        return Shade(jnp.diff(here.altitude_m(ends)), sunward, own)
+        return begin + (end - begin) * grown[None].astype(np.float32)
 
 
 def dimming(
@@ -195,15 +219,20 @@ def dimming(
     sources: Sequence[AbstractCloudSource],
     returned_per_m: Sequence[Float[Array, " bands"]],
     own: int | None = None,
+    part: Float[Array, " rays"] | None = None,
 ) -> Float[Array, "bands #nodes rays"]:
-    """What shades leave of the light of a surface.
+    """Find what shades leave of the light of a surface.
 
     Of other layers, whose sub-pixel structure is their own, it is the mean
     transmittance on the way to the sun over that on the way to the viewer, for light
     has come the latter way in the slabs.
 
-    **Arguments:** `sources`, `returned_per_m`: of each shade; `own`: the one that is of
-    the surface's own cloud.
+    **Arguments:**
+
+    - `sources`, `returned_per_m`: of each shade.
+    - `own`: the one that is of the surface's own cloud.
+    - `part`: of the ray's way through the cloud, 0 to 1, at which the light turns; None
+      for surfaces of one point.
     """
     left = jnp.ones((1, 1, 1))
     for i, (shade, source, per_m) in enumerate(
@@ -211,7 +240,8 @@ def dimming(
     ):
         if shade is None:
             continue
-        sunward, above, weights = shade.cloud_m(source)
+        *lengths, weights = shade.cloud_m(source)
+        sunward, above = (_between(length, part) for length in lengths)
         turned = per_m[:, None, None]
         if i == own:
             left = left * _kept(turned * (sunward - above)[None])
@@ -222,6 +252,20 @@ def dimming(
             )
             left = left * lit / seen
     return left
+
+
+def _between(
+    length_m: Float[Array, "nodes rays points"], part: Float[Array, " rays"] | None
+) -> Float[Array, "nodes rays"]:
+    """Linear between points equally far apart."""
+    last = length_m.shape[-1] - 1
+    if part is None or last == 0:
+        return length_m[..., 0]
+    total = jnp.zeros(length_m.shape[:-1], length_m.dtype)
+    for i in range(last + 1):
+        share = jnp.maximum(1 - jnp.abs(jnp.clip(part, 0, 1) * last - i), 0)
+        total = total + share[None] * length_m[..., i]
+    return total
 
 
 def _kept(excess: Float[Array, "*n"]) -> Float[Array, "*n"]:

@@ -1,4 +1,4 @@
-"""Displacement maps: where on the sphere the air at each point came from.
+"""Displacement maps say where on the sphere the air at each point came from.
 
 Schinder et al. (2024, section 2.2) displace an equirectangular grid backwards in the
 wind and sample textures and masks at the upwind points. Points are unit vectors
@@ -65,16 +65,16 @@ def _onto_sphere(points, displacement):
 
 
 class AbstractWind(eqx.Module):
-    """A horizontal wind on a sphere of radius `radius_m`."""
+    """A wind is horizontal, on a sphere of radius `radius_m`."""
 
     radius_m: eqx.AbstractVar[Scalar]
 
     @abc.abstractmethod
     def sampler(self) -> Velocity:
-        """The wind as a function of unit vectors [3, points] and time [s], in m/s.
+        """Return the wind [m/s] as a function of unit vectors [3, points] and time [s].
 
-        Called once before the time loop: work that all samples share belongs here. The
-        result is Cartesian and tangent to the sphere, components first.
+        It is called once before the time loop: work that all samples share belongs
+        here. The result is Cartesian and tangent to the sphere, components first.
         """
 
 
@@ -93,7 +93,8 @@ def _time_axis(time_s):
 
 
 class Wind(AbstractWind):
-    """The wind of a weather analysis at one level, bilinear in space, linear in time.
+    """A `Wind` is that of a weather analysis at one level, bilinear in space, linear in
+    time.
 
     Components are turned into Cartesian vectors at the nodes and these are
     interpolated, so the pole, where east has no direction, is no singularity.
@@ -124,7 +125,7 @@ class Wind(AbstractWind):
         - `latitude_deg`: [lat] ascending, evenly spaced.
         - `longitude_deg`: [lon] ascending, evenly spaced, round the whole circle.
         - `time_s`: [time] of the analyses, ascending, counted from the scene.
-        - `radius_m`: radius of the Earth plus altitude of the level.
+        - `radius_m`: `geodesy.MEAN_RADIUS_M` plus the altitude of the level.
 
         **Raises:** `ValueError` where shapes or axes are not so, or a component is NaN.
         """
@@ -152,7 +153,7 @@ class Wind(AbstractWind):
             )
 
     def sampler(self) -> Velocity:
-        """As `AbstractWind.sampler`."""
+        """Do what `AbstractWind.sampler` says."""
         # A plane for each component: reads of one are as fast as memory.
         planes = jnp.moveaxis(self._cartesian_nodes(), -1, 0).reshape(3, -1)
         nodes = self.grid.shape[0] * self.grid.shape[1]
@@ -277,7 +278,8 @@ def _require_steps(steps):
 
 
 class DisplacementMap(eqx.Module):
-    """Upwind points of a global grid, ready to be interpolated.
+    """A `DisplacementMap` holds the upwind points of a global grid, ready to be
+    interpolated.
 
     - `displacement`: [lat, lon, 3] from each node to its upwind point, on the unit
       sphere. Rows run from pole to pole, columns from -180° round the circle.
@@ -294,7 +296,7 @@ class DisplacementMap(eqx.Module):
     def upwind(
         self, points: Float[AnyArray, "*points 3"]
     ) -> Float[AnyArray, "*points 3"]:
-        """Where the air at `points` came from: unit vectors to unit vectors.
+        """Return where the air at `points` came from: unit vectors to unit vectors.
 
         The displacement is interpolated, not the position: bilinear in latitude and
         longitude, of relative error about (grid step in radians)²/8. numpy float64
@@ -306,7 +308,7 @@ class DisplacementMap(eqx.Module):
     def displacement_of(
         self, points: Float[AnyArray, "*points 3"]
     ) -> Float[AnyArray, "*points 3"]:
-        """`upwind` less the points, without the rounding of that difference."""
+        """Return `upwind` less the points, without the rounding of that difference."""
         if isinstance(self.displacement, Tracer):
             points = jnp.asarray(points)
         nodes = self.displacement
@@ -339,7 +341,8 @@ def displacement_map(
     steps: int = 40,
     scheme: AbstractScheme = DEFAULT_SCHEME,
 ) -> DisplacementMap:
-    """The map of a global equirectangular grid displaced upwind in the wind.
+    """Displace a global equirectangular grid upwind in the wind (Schinder et al. 2024,
+    section 2.2).
 
     **Arguments:**
 
@@ -367,7 +370,7 @@ def propagate(
     steps: int = 1,
     scheme: AbstractScheme = DEFAULT_SCHEME,
 ) -> DisplacementMap:
-    """The map of a later frame, without starting over (semi-Lagrangian).
+    """Carry a map on to a later frame, without starting over (semi-Lagrangian).
 
     Every node goes back `duration_s` in the wind to where the earlier map is
     interpolated. Each frame adds one interpolation error and smooths the map a little;

@@ -1,4 +1,4 @@
-"""Weather masks: where each class of cloud may stand, from a weather analysis.
+"""Weather masks say where each class of cloud may stand, from a weather analysis.
 
 Schinder et al. (2024, section 2.2 and Table 1) decide from humidity, temperature and
 vertical wind at one altitude whether a class of cloud is present. Here the decision is
@@ -6,14 +6,20 @@ a cloud *fraction* with soft edges, and the mask that enters the cloud function 
 probit, so that a standardised texture cut at zero covers just that fraction.
 """
 
+import abc
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
+from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid, Scalar
+
+from .advection import DisplacementMap
 
 
 # Narrower edges than this are indistinguishable from a step, and its square still
@@ -24,7 +30,8 @@ _ROOT_SOFTENING = 1e-6
 
 
 class Conditions(eqx.Module):
-    """When a class of cloud is present: one row of Schinder et al. (2024), Table 1.
+    """`Conditions` say when a class of cloud is present: one row of Schinder et al.
+    (2024), Table 1.
 
     - `sampling_altitude_m`: where the analysis is sampled.
     - `shell_bottom_m`, `shell_top_m`: the shell the cloud fills.
@@ -93,7 +100,7 @@ def cloud_fraction(
     *,
     omega_sign: float = -1.0,
 ) -> Float[Array, "*points"]:
-    """Fraction of the sky that a class of cloud covers, between 0 and 1.
+    """Return the fraction of the sky that a class of cloud covers, between 0 and 1.
 
     Humidity gives the fraction of Sundqvist et al. (1989, Mon. Wea. Rev. 117, 1641),
     C = 1 - sqrt((1 - RH)/(1 - RH_c)), and the conditions of Table 1 of Schinder et al.
@@ -133,7 +140,8 @@ def cloud_fraction(
 def fraction_to_mask(
     fraction: Float[AnyArray, "*points"], *, smallest: float = 1e-4
 ) -> Float[Array, "*points"]:
-    """The weather mask w = Φ⁻¹(fraction), in units of the cloud function.
+    """Turn a cloud fraction into the weather mask w = Φ⁻¹(fraction), in units of the
+    cloud function.
 
     Textures are standardised, so where their weighted sum has unit variance and a
     normal distribution, the level set `sum + w > 0` covers `fraction`.
@@ -152,8 +160,23 @@ def fraction_to_mask(
     )
 
 
-class MaskGrid(eqx.Module):
-    """A weather mask on a regular grid, to be called with latitudes and longitudes.
+class AbstractMask(eqx.Module):
+    """A mask says where the weather lets a class of cloud stand: it is w of the cloud
+    function.
+    """
+
+    @abc.abstractmethod
+    def __call__(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points"]:
+        """Read the mask at these places [degrees]; numpy in, numpy out."""
+
+
+class MaskGrid(AbstractMask):
+    """A `MaskGrid` holds a weather mask on a regular grid; call it with latitudes and
+    longitudes.
 
     Build it with `MaskGrid.from_fraction`, or from mask values without NaN.
     """
@@ -176,7 +199,7 @@ class MaskGrid(eqx.Module):
         latitude_deg: ArrayLike,
         longitude_deg: ArrayLike,
     ) -> "MaskGrid":
-        """The mask of a cloud fraction; NaN counts as clear.
+        """Make the mask of a cloud fraction; NaN counts as clear.
 
         **Arguments:**
 
@@ -194,10 +217,54 @@ class MaskGrid(eqx.Module):
         latitude_deg: Float[AnyArray, "*points"],
         longitude_deg: Float[AnyArray, "*points"],
     ) -> Float[AnyArray, "*points"]:
-        """The mask at these points [degrees], bilinear; numpy in, numpy out.
+        """Return the mask at these points [degrees], bilinear; numpy in, numpy out.
 
         Outside a regional grid, and between the outermost row and the pole, the value
         of the edge is held.
         """
         nodes = self.mask[..., None]
         return self.grid.sample(nodes, latitude_deg, longitude_deg)[..., 0]
+
+
+class UniformMask(AbstractMask):
+    """The same mask everywhere.
+
+    **Fields:** `mask`: w.
+    """
+
+    mask: Float[Array, ""]
+
+    @classmethod
+    def from_fraction(cls, fraction: float) -> "UniformMask":
+        """Make the mask of a cloud fraction from 0 to 1."""
+        return cls(fraction_to_mask(jnp.asarray(fraction, float)))
+
+    def __call__(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points"]:
+        """Give the same value for all places."""
+        del longitude_deg
+        return np.full(np.shape(latitude_deg), float(self.mask))
+
+
+class DrawnMask(AbstractMask):
+    """A `DrawnMask` is a weather mask that the wind has drawn out.
+
+    **Fields:** `mask`: before. `displacement`: from where air is to where it was then.
+    """
+
+    mask: AbstractMask
+    displacement: DisplacementMap
+
+    def __call__(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points"]:
+        """Read the mask where the air at these places [degrees] came from."""
+        places = np.asarray(latitude_deg), np.asarray(longitude_deg)
+        source = self.displacement.upwind(up(*places))
+        φ = np.degrees(np.arcsin(np.clip(source[..., 2], -1, 1)))
+        return self.mask(φ, np.degrees(np.arctan2(source[..., 1], source[..., 0])))

@@ -1,8 +1,7 @@
-"""Explicit steps of ordinary differential equations, all of equal length."""
+"""Ordinary differential equations are integrated in explicit steps of equal length."""
 
 import abc
 from collections.abc import Callable
-from typing import ClassVar
 
 import equinox as eqx
 from jaxtyping import Array
@@ -12,44 +11,18 @@ Rate = Callable[[Array, Array], Array]
 
 
 class AbstractScheme(eqx.Module):
-    """One explicit step of dy/dt = rate(y, t), of global error O(step ** order)."""
-
-    order: ClassVar[int]
+    """A scheme takes one explicit step of dy/dt = rate(y, t)."""
 
     @abc.abstractmethod
     def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
-        """y at t + step."""
-
-
-class Euler(AbstractScheme):
-    """Forward Euler, first order: for comparison."""
-
-    order: ClassVar[int] = 1
-
-    def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
-        """y at t + step."""
-        return y + step * rate(y, t)
-
-
-class Heun(AbstractScheme):
-    """The explicit trapezoidal rule, second order: half the price of `RungeKutta4`."""
-
-    order: ClassVar[int] = 2
-
-    def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
-        """y at t + step."""
-        k1 = rate(y, t)
-        k2 = rate(y + step * k1, t + step)
-        return y + step / 2 * (k1 + k2)
+        """Return y at t + step."""
 
 
 class RungeKutta4(AbstractScheme):
-    """The classical fourth-order method."""
-
-    order: ClassVar[int] = 4
+    """This is the classical fourth-order method."""
 
     def __call__(self, rate: Rate, y: Array, t: Array, step: Array) -> Array:
-        """y at t + step."""
+        """Return y at t + step."""
         k1 = rate(y, t)
         k2 = rate(y + step / 2 * k1, t + step / 2)
         k3 = rate(y + step / 2 * k2, t + step / 2)

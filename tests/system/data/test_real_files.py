@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cloudjax_data import open_folder, read_band, read_weather
+from cloudjax_data import cf_attributes, open_folder, read_band, read_weather
 from cloudjax_data.calibration import EmissiveCalibration
 
 
@@ -58,7 +58,7 @@ def test_positions_on_the_globe_are_those_of_satpy(shared_data):
     area = by_satpy(folder, "radiance")[13].attrs["area"]
     longitude, latitude = area.get_lonlats()
     height = band.grid.perspective_height_m
-    to_degrees = pyproj.Proj(pyproj.CRS.from_cf(band.grid.cf_attributes()))
+    to_degrees = pyproj.Proj(pyproj.CRS.from_cf(cf_attributes(band.grid)))
     x, y = np.meshgrid(band.grid.x_rad * height, band.grid.y_rad * height)
     ours = to_degrees(x, y, inverse=True)
     np.testing.assert_allclose(ours[0], longitude, rtol=0, atol=1e-6)

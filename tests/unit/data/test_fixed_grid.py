@@ -1,12 +1,10 @@
-"""Scan angles and their CF description."""
-
-from dataclasses import replace
+"""The CF description of scan angles."""
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from cloudjax_data import GRID_MAPPING, fixed_grid_coordinates
+from cloudjax_data import GRID_MAPPING, cf_attributes, fixed_grid_coordinates
 from tests.generated import window
 
 
@@ -15,30 +13,13 @@ pyproj = pytest.importorskip("pyproj")
 
 def test_cf_attributes_mean_the_geostationary_projection():
     grid = window((4, 4), subsatellite_longitude_deg=-75.0)
-    crs = pyproj.CRS.from_cf(grid.cf_attributes())
+    crs = pyproj.CRS.from_cf(cf_attributes(grid))
     to_degrees = pyproj.Proj(crs)
     h = grid.perspective_height_m
     # the worked example of the product user's guide (PUG volume 3, 5.1.2.8)
     longitude, latitude = to_degrees(-0.024052 * h, 0.095340 * h, inverse=True)
     assert latitude == pytest.approx(33.846162, abs=1e-6)
     assert longitude == pytest.approx(-84.690932, abs=1e-6)
-
-
-def test_resolutions_nest():
-    coarse, fine = window((3, 5), 5.6e-5), window((12, 20), 1.4e-5)
-    assert fine.coarsened(4).same_as(coarse)
-    assert not fine.coarsened(2).same_as(coarse)
-    shifted = replace(coarse, x_rad=coarse.x_rad + 2e-7)
-    assert not shifted.same_as(coarse)
-    assert not replace(coarse, subsatellite_longitude_deg=-75.0).same_as(coarse)
-    with pytest.raises(ValueError, match="choose a divisor"):
-        coarse.coarsened(2)
-
-
-@pytest.mark.parametrize("shape", [(2, 3), (2, 1), (1, 1)])
-def test_step(shape):
-    expected = 0.0 if shape == (1, 1) else 5.6e-5
-    assert window(shape).step_rad == pytest.approx(expected)
 
 
 def test_coordinates_survive_a_file(tmp_path):
@@ -51,6 +32,6 @@ def test_coordinates_survive_a_file(tmp_path):
         np.testing.assert_array_equal(back["x"], grid.x_rad)
         assert back["x"].attrs["units"] == "rad"
         assert back["y"].attrs["standard_name"] == "projection_y_coordinate"
-        assert back[GRID_MAPPING].attrs == pytest.approx(grid.cf_attributes())
+        assert back[GRID_MAPPING].attrs == pytest.approx(cf_attributes(grid))
         assert back["a"].encoding["grid_mapping"] == GRID_MAPPING
         assert "coordinates" not in back["a"].encoding

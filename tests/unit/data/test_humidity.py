@@ -7,7 +7,7 @@ from cloudjax.air.gases import columns
 from cloudjax_data import read_weather, specific_humidity
 from cloudjax_data.grib import read_grib
 from cloudjax_data.humidity import saturation_hpa
-from cloudjax_scenes.air_profile import AirProfile
+from cloudjax_scenes.air_profile import profiles_of
 
 
 def test_saturation_is_that_of_the_tables():
@@ -44,7 +44,7 @@ def test_water_above_the_sea_is_that_of_the_analysis(shared_data):
     cube = read_weather(file)
     axes = (cube.data[axis].to_numpy() for axis in ("latitude", "longitude"))
     φ, λ = (x.ravel() for x in np.meshgrid(*axes, indexing="ij"))
-    found = 10 * columns(*AirProfile(cube)(φ, λ)).water[:, 0]
+    found = 10 * columns(*profiles_of(cube)(φ, λ)).water[:, 0]
     low = cube.data["orog"].to_numpy().ravel() < 50
     expected = water.to_numpy().ravel()[low]
     error = found[low] - expected

@@ -1,6 +1,6 @@
 """Names and keys against facts that were recorded from NOAA's buckets.
 
-Each key was published by others who fetched it; docs/fetch.md says where.
+Each key was published by others who fetched it; docs/guides/fetch.md says where.
 """
 
 import threading

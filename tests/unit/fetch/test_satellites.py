@@ -1,4 +1,4 @@
-"""Positions by date; the dates are in docs/fetch.md, with their sources."""
+"""Positions by date; the dates are in docs/guides/fetch.md, with their sources."""
 
 from datetime import UTC, datetime
 

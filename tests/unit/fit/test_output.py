@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import os
-import tomllib
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,11 +12,13 @@ import xarray as xr
 from tests.fit_results import made_up_result
 from tests.scenes import write_scene
 
+from cloudjax import load_classes
 from cloudjax_data import DataError
 from cloudjax_fit.comparison import read_radiances
 from cloudjax_fit.fit_files import fit_numbers, write_fit
+from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_fit.parameter_file import read_parameters
-from cloudjax_fit.scene_run import prepare
+from cloudjax_fit.scene_parameters import scene_parameters
 
 
 FILES = {"fit.json", "parameters.toml", "report.html", "simulated.nc"}
@@ -25,7 +26,7 @@ FILES = {"fit.json", "parameters.toml", "report.html", "simulated.nc"}
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    return prepare(write_scene(tmp_path_factory.mktemp("scene")))
+    return read_inputs(write_scene(tmp_path_factory.mktemp("scene")))
 
 
 @pytest.fixture(scope="module")
@@ -105,16 +106,47 @@ def test_a_fit_that_did_not_converge_is_marked(run):
 
 
 def test_parameters_come_back(folder, result):
-    values, light = read_parameters(folder / "parameters.toml")
-    assert light == "paper"
+    fitted = read_parameters(folder / "parameters.toml")
+    assert fitted.light == "paper"
     expected = {e.parameter.name: e.value for e in result.estimates}
-    assert values == pytest.approx(expected)
-    assert tomllib.loads((folder / "parameters.toml").read_text())["air"]
+    own = {n: v for n, v in expected.items() if n.startswith(("air", "light"))}
+    assert fitted.values == pytest.approx(own)
+    made_of = dataclasses.replace(result.made_of, known=fitted.classes)
+    back = {p.name: p for p in scene_parameters(made_of)}
+    for name in expected.keys() - own.keys():
+        assert back[name].default == pytest.approx(expected[name])
+    for parameter in (e.parameter for e in result.estimates):
+        same = back[parameter.name]
+        for number in ("lower", "upper", "spread"):
+            assert getattr(same, number) == pytest.approx(getattr(parameter, number))
+        assert (same.path, same.log) == (parameter.path, parameter.log)
+
+
+def test_the_parameters_are_classes_in_physical_terms(folder, result):
+    """Of 0.04 per metre, a tenth more: the light calls 0.075 of it extinction."""
+    classes = load_classes(folder / "parameters.toml")
+    assert list(classes) == list(result.target.imagery.fractions)
+    assert classes["low_stratus"].extinction_per_m == pytest.approx(0.044)
+    assert classes["low_stratus"].conditions.sampling_altitude_m == 2000
+    assert [t.weight for t in classes["cirrus"].textures] == pytest.approx(
+        [1.0, 0.55, 0.55]
+    )
+
+
+def test_parameters_of_earlier_versions_are_read(tmp_path):
+    path = tmp_path / "parameters.toml"
+    path.write_text(
+        'light_strategy = "physical"\n[low_stratus]\ntop = 900\n[air]\ngain_C13 = 1.01'
+    )
+    fitted = read_parameters(path)
+    assert fitted.classes is None
+    assert fitted.light == "physical"
+    assert fitted.values == {"low_stratus.top": 900.0, "air.gain_C13": 1.01}
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("a = 3.0", "outside of a section"), ("[a]\nb = true", "give a number"),
+    [("a = 3.0", "outside of a section"), ("[a]\nb = true", "make it a finite number"),
      ("[a", "not valid TOML")],
 )  # fmt: skip
 def test_parameters_that_cannot_be_read_are_refused(tmp_path, text, words):
@@ -136,11 +168,11 @@ def test_the_image_is_cf_and_georeferenced(folder, result):
         mapping = data[radiance.encoding["grid_mapping"]]
         assert mapping.attrs["grid_mapping_name"] == "geostationary"
         assert data["time"].to_numpy() == np.datetime64(
-            result.target.time.replace(tzinfo=None), "ns"
+            result.target.imagery.time.replace(tzinfo=None), "ns"
         )
         np.testing.assert_array_equal(radiance, result.image.band(13))
         np.testing.assert_array_equal(data["cloud_weight"], result.image.cloud)
-        np.testing.assert_array_equal(data["x"], result.target.grid.x_rad)
+        np.testing.assert_array_equal(data["x"], result.target.imagery.grid.x_rad)
         assert "low_stratus.threshold" in json.loads(data.attrs["parameters"])
         assert data.attrs["seed"] == 7
 
@@ -188,7 +220,7 @@ def test_the_numbers_come_last_and_old_ones_go_first(result, tmp_path, monkeypat
         moved.append(target.name)
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("cloudjax_scenes.whole_files.os.replace", failing_move)
+    monkeypatch.setattr("cloudjax_data.whole_files.os.replace", failing_move)
     with pytest.raises(DataError, match="Input/output error"):
         write_fit(result, tmp_path)
     assert len(moved) == 1

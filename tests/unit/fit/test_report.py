@@ -2,7 +2,6 @@ import base64
 import dataclasses
 import json
 import math
-import os
 import re
 import sys
 
@@ -19,10 +18,10 @@ from cloudjax_fit.report import (
     WeightedPixels,
     format_number,
     format_with_std,
-    write_atomically,
     write_comparison,
     write_fit_report,
 )
+from cloudjax_scenes import display
 
 
 UNITS = "mW m-2 sr-1 (cm-1)-1"
@@ -45,7 +44,7 @@ def _band(number=13, simulated=None) -> BandReport:
         distances_fit=distances(observed, image.ravel() + 1, weights)
         if simulated is None
         else None,
-        display=figures.BRIGHTNESS_TEMPERATURE,
+        display=display.BRIGHTNESS_TEMPERATURE,
         observed_image=np.where(image > 60, math.nan, image),
         simulated_image=image.astype(np.float32),
     )
@@ -220,20 +219,6 @@ def test_values_are_as_precise_as_their_deviation(value, std, text):
     assert format_with_std(value, std) == text
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
-    target = tmp_path / "fit.json"
-    write_atomically(target, "old")
-
-    def fail(*_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(OSError, match="disk full"):
-        write_atomically(target, b"new")
-    assert target.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [target]
-
-
 def _png_size(uri: str) -> tuple[int, int]:
     png = base64.b64decode(uri.removeprefix("data:image/png;base64,"))
     return int.from_bytes(png[16:20], "big"), int.from_bytes(png[20:24], "big")
@@ -249,5 +234,5 @@ def _png_size(uri: str) -> tuple[int, int]:
     ],
 )
 def test_images_of_any_shape_are_drawn(image):
-    uri = figures.images_figure([("one", image), ("two", image)], figures.REFLECTANCE)
+    uri = figures.images_figure([("one", image), ("two", image)], display.REFLECTANCE)
     assert max(_png_size(uri)) < 1200

@@ -7,27 +7,28 @@ import pytest
 from tests.scenes import write_scene
 
 from cloudjax_data import DataError
+from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_fit.fitting import FitSettings
-from cloudjax_fit.scene_run import prepare
+from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.settings import (
     Settings,
+    changed_parameters,
     cloud_rule,
     concerning,
-    parameter_names,
     read_settings,
-    scene_of,
     with_options,
 )
 from cloudjax_scenes.cloud_rule import CloudRule
+from cloudjax_scenes.lights import PHYSICAL
 
 
 SOURCE = "folder/scene.toml"
 
 
 @pytest.fixture(scope="module")
-def target(tmp_path_factory):
+def made_of(tmp_path_factory):
     scene = write_scene(tmp_path_factory.mktemp("scene"), bands=(1, 13))
-    return prepare(scene).target
+    return read_inputs(scene).made_of
 
 
 def read(text: str) -> Settings:
@@ -38,6 +39,7 @@ def test_everything_that_may_be_set():
     settings = read("""
         [fit]
         bands = [13, 1]
+        classes = "mine.toml"
         rays = 100
         max_steps = 7
         [rule]
@@ -48,6 +50,7 @@ def test_everything_that_may_be_set():
         free = false
     """)
     assert settings.bands == (1, 13)
+    assert settings.classes == "mine.toml"
     assert settings.fit == FitSettings(rays=100, max_steps=7)
     assert settings.rule == {"cold_band": None, "bright_reflectance": 1.0}
     assert settings.parameters == {
@@ -84,6 +87,7 @@ def test_an_unknown_key_is_named_with_the_nearest(text, named, near):
         "[fit]\nseed = -1",
         "[fit]\nresolution = 64",
         "[fit]\nbands = []",
+        "[fit]\nclasses = 3",
         "[fit]\nbands = [17]",
         '[fit]\nbands = "13"',
         "[rule]\ncold_band = true",
@@ -137,35 +141,36 @@ def test_a_rule_that_cannot_be_applied_is_refused(text, words):
         cloud_rule(read(f"[rule]\n{text}"), [1, 4, 13])
 
 
-def test_parameters_are_changed(target):
+def test_parameters_are_changed(made_of):
     settings = read('[parameters."cirrus.top"]\ndefault = 9000\nfree = false')
-    _, parameters = scene_of(settings, target)
+    parameters = changed_parameters(settings, made_of)
     (top,) = (p for p in parameters if p.name == "cirrus.top")
     assert (top.default, top.free) == (9000.0, False)
 
 
-def test_an_unknown_parameter_is_named_with_the_nearest(target):
+def test_an_unknown_parameter_is_named_with_the_nearest(made_of):
     settings = read('[parameters."cirus.top"]\ndefault = 9000')
     with pytest.raises(DataError, match=r"'cirus\.top'.*'cirrus\.top'"):
-        scene_of(settings, target)
+        changed_parameters(settings, made_of)
 
 
-def test_a_parameter_beyond_its_bounds_is_refused(target):
+def test_a_parameter_beyond_its_bounds_is_refused(made_of):
     settings = read('[parameters."cirrus.top"]\ndefault = 90000')
     with pytest.raises(DataError, match=r"scene\.toml: cirrus\.top = 90000"):
-        scene_of(settings, target)
+        changed_parameters(settings, made_of)
 
 
-def test_parameters_of_bands_that_are_not_used_are_left_out(target):
-    assert "air.gain_C13" in parameter_names(target)
+def test_parameters_of_bands_that_are_not_used_are_left_out(made_of):
+    assert "air.gain_C13" in [p.name for p in scene_parameters(made_of)]
     changes = {"air.gain_C13": 1.0, "air.gain_C15": 1.0}
-    assert concerning(changes, target, SOURCE, "physical") == {"air.gain_C13": 1.0}
+    assert concerning(changes, made_of, SOURCE) == {"air.gain_C13": 1.0}
 
 
-def test_parameters_of_another_light_are_left_out(target):
+def test_parameters_of_another_light_are_left_out(made_of):
     changes = {"light.indirect": 0.2}
-    assert concerning(changes, target, SOURCE, "paper") == changes
-    assert concerning(changes, target, SOURCE, "physical") == {}
+    assert concerning(changes, made_of, SOURCE) == changes
+    physical = dataclasses.replace(made_of, light=PHYSICAL)
+    assert concerning(changes, physical, SOURCE) == {}
 
 
 def test_an_unknown_light_is_refused():

@@ -4,52 +4,58 @@ import dataclasses
 
 import numpy as np
 import pytest
+import xarray as xr
 from tests.scenes import NIGHT, write_scene
 
 from cloudjax_data import DataError
 from cloudjax_fit.embedded import FILE, embedded_target
-from cloudjax_fit.scene_run import prepare
+from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_fit.target_file import read_target, write_target
 from cloudjax_scenes.cloud_rule import CloudRule
 
 
 @pytest.fixture(scope="module")
 def target(tmp_path_factory):
-    return prepare(write_scene(tmp_path_factory.mktemp("scene"))).target
+    return read_inputs(write_scene(tmp_path_factory.mktemp("scene"))).target
 
 
 def test_a_target_comes_back(target, tmp_path):
     write_target(tmp_path / "target.nc", target)
     back = read_target(tmp_path / "target.nc")
-    for name in ("name", "platform", "time", "rule", "blocks"):
-        assert getattr(back, name) == getattr(target, name)
-    _same_exactly(back, target, ["latitude_deg", "longitude_deg"])
+    assert back.blocks == target.blocks
     _same_exactly(back, target, ["block_cloud", "block_valid"])
-    assert list(back.fractions) == list(target.fractions)
-    for name, fraction in target.fractions.items():
-        np.testing.assert_allclose(back.fractions[name], fraction, rtol=1e-6)
+    read, written = back.imagery, target.imagery
+    for name in ("name", "platform", "time", "rule", "earth_sun_distance_au"):
+        assert getattr(read, name) == getattr(written, name)
+    _same_exactly(read, written, ["latitude_deg", "longitude_deg"])
+    for found, given in (
+        (read.fractions, written.fractions),
+        (read.backgrounds, written.backgrounds),
+    ):
+        assert list(found) == list(given)
+        for name, field in given.items():
+            np.testing.assert_allclose(found[name], field, rtol=1e-6)
 
 
 def test_the_geometry_comes_back_in_full(target, tmp_path):
     write_target(tmp_path / "target.nc", target)
-    back = read_target(tmp_path / "target.nc").grid
-    _same_exactly(back, target.grid, ["x_rad", "y_rad"])
+    back, grid = read_target(tmp_path / "target.nc").imagery.grid, target.imagery.grid
+    _same_exactly(back, grid, ["x_rad", "y_rad"])
     for field in dataclasses.fields(back):
         if not field.name.endswith("_rad"):
-            assert getattr(back, field.name) == getattr(target.grid, field.name)
+            assert getattr(back, field.name) == getattr(grid, field.name)
 
 
 def test_its_bands_come_back(target, tmp_path):
     write_target(tmp_path / "target.nc", target)
-    back = read_target(tmp_path / "target.nc").bands
-    assert list(back) == list(target.bands)
-    for number, band in target.bands.items():
-        same = back[number]
-        for name in ("number", "wavelength_um", "units", "coefficients", "low", "high"):
-            assert getattr(same, name) == getattr(band, name)
+    back = read_target(tmp_path / "target.nc")
+    assert back.imagery.bands == target.imagery.bands
+    assert list(back.statistics) == list(target.statistics)
+    for number, band in target.statistics.items():
+        same = back.statistics[number]
+        assert (same.low, same.high) == (band.low, band.high)
         _same_exactly(same, band, ["block_counts"])
         _same_exactly(same.quantiles, band.quantiles, ["probabilities", "count"])
-        np.testing.assert_allclose(same.background, band.background, rtol=1e-6)
         np.testing.assert_allclose(
             same.quantiles.values, band.quantiles.values, rtol=1e-6, atol=1e-6
         )
@@ -57,10 +63,10 @@ def test_its_bands_come_back(target, tmp_path):
 
 def test_half_a_rule_comes_back(tmp_path):
     scene = write_scene(tmp_path / "night", bands=(13,), start=NIGHT)
-    target = prepare(scene).target
+    target = read_inputs(scene).target
     write_target(tmp_path / "target.nc", target)
-    rule = read_target(tmp_path / "target.nc").rule
-    assert rule == target.rule == CloudRule(None, np.inf, 13, 270.0)
+    rule = read_target(tmp_path / "target.nc").imagery.rule
+    assert rule == target.imagery.rule == CloudRule(None, np.inf, 13, 270.0)
 
 
 def test_other_files_are_refused(tmp_path):
@@ -90,9 +96,16 @@ def test_the_embedded_scene_is_small_and_whole():
 
     assert len((files("cloudjax_fit.embedded") / FILE).read_bytes()) <= 500_000
     target = embedded_target()
-    assert (target.platform, list(target.bands)) == ("G17", [1, 3, 13])
-    assert target.grid.shape == (500, 500)
-    assert list(target.fractions) == ["cirrus", "low_stratus"]
+    imagery = target.imagery
+    assert (imagery.platform, list(imagery.bands)) == ("G17", [1, 3, 13])
+    assert imagery.grid.shape == (500, 500)
+    assert list(imagery.fractions) == ["cirrus", "low_stratus"]
+    # As in the file, which is of an earlier version.
+    with xr.open_dataset(
+        str(files("cloudjax_fit.embedded") / FILE), group="C01"
+    ) as band:
+        kappa0 = band.attrs["coefficient_kappa0"]
+    assert imagery.coefficients(1)["kappa0"] == pytest.approx(kappa0, rel=1e-12)
     assert 0.2 < target.cloud_fraction < 0.25
 
 

@@ -1,0 +1,17 @@
+"""Fit the scene that comes with cloudjax, and print what the data determine."""
+
+from cloudjax_fit import FitSettings, embedded_target, fit, write_fit
+
+target = embedded_target()
+settings = FitSettings(
+    rays=1024, steps=6, max_steps=10
+)  # small: a minute or two, mostly compiling
+result = fit(target, settings=settings)
+for number, distance in result.distances_fit.items():
+    print(
+        f"C{number:02d} {target.bands[number].units}: W1/std {distance.w1_over_std:.3f}"
+    )
+for estimate in result.estimates:
+    print(estimate.parameter.name, estimate.value, estimate.std, estimate.determined)
+print(result.status)  # ten steps do not converge, and the status says so
+write_fit(result, "out/example")

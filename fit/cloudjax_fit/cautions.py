@@ -1,0 +1,41 @@
+"""What a reader of a fit should mind before believing it, in sentences."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .targets import Target
+from .uncertainty import Estimate
+
+
+# Of the pixels that see the Earth.
+MISSING_SHARE = 0.05
+# A cloud that is nowhere thicker takes 3 % of the light that comes from below.
+LEAST_DEPTH = 0.03
+
+
+def cautions(
+    target: Target,
+    estimates: Sequence[Estimate],
+    depths: Mapping[str, Float[np.ndarray, "y x"]],
+    earth: Bool[np.ndarray, "y x"],
+) -> list[str]:
+    """Sentences about parameters at bounds, absent classes of cloud and missing data.
+
+    **Arguments:**
+
+    - `depths`: vertical optical depths in the fitted image, by class of cloud.
+    - `earth`: pixels that see the Earth.
+    """
+    said = []
+    bound = [estimate.parameter.name for estimate in estimates if estimate.at_bound]
+    if bound:
+        said.append(f"Bounds, and not the data, hold {', '.join(bound)}.")
+    for name, depth in depths.items():
+        if depth.max() < LEAST_DEPTH:
+            said.append(f"The fitted image has no {name}: its parameters mean nothing.")
+    missing = 1 - target.block_valid.sum() / max(earth.sum(), 1)
+    if missing > MISSING_SHARE:
+        said.append(f"{missing:.0%} of the pixels that see the Earth have no data.")
+    return said

@@ -1,0 +1,180 @@
+"""Files of classes of cloud: built-in ones, a user's, and those that a fit wrote."""
+
+import importlib.resources
+import os
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, cast, get_args
+
+from cloudjax.toml_table import (
+    ANY_NUMBER,
+    FLAG,
+    LIST,
+    NUMBER,
+    TABLE,
+    TEXT,
+    Kind,
+    TomlError,
+    checked,
+    least,
+    parse_toml,
+    read_toml,
+)
+from cloudjax.weather.masks import Conditions
+
+from .class_parameters import Prior
+from .classes import ClassTexture, CloudClass, ImageryRule, Phase
+from .texture import Fractal, InvertedWorley, Perlin
+
+
+# What a file may hold beside classes: a fit writes there what else it has found.
+NOT_CLASSES = ("light_strategy", "light", "air")
+_FRACTALS: dict[str, type[Fractal]] = {
+    "perlin": Perlin,
+    "inverted_worley": InvertedWorley,
+}
+_PHASES = get_args(Phase)
+_NUMBERS = tuple(f.name for f in fields(CloudClass) if f.type is float)
+_CLASS: dict[str, Kind] = {
+    **dict.fromkeys(_NUMBERS, NUMBER),
+    "particles": Kind(
+        " or ".join(f'"{phase}"' for phase in _PHASES), lambda value: value in _PHASES
+    ),
+    "conditions": TABLE,
+    "textures": LIST,
+}
+_OPTIONAL = {"infrared_ratio": NUMBER, "imagery": TABLE, "priors": TABLE}
+_CONDITIONS = dict.fromkeys(Conditions.__dataclass_fields__, ANY_NUMBER)
+_IMAGERY = dict.fromkeys((f.name for f in fields(ImageryRule)), NUMBER)
+_TEXTURE = dict.fromkeys(("length_scale_m", "weight", "displacement_hours"), NUMBER)
+_PRIOR = {"lower": NUMBER, "upper": NUMBER, "spread": NUMBER, "log": FLAG, "free": FLAG}
+
+
+def cloud_classes() -> dict[str, CloudClass]:
+    """Return the four classes of Schinder et al. (2024), Table 1, by name."""
+    return _built_in("classes.toml")
+
+
+def imagery_classes(*, paper_light: bool = False) -> dict[str, CloudClass]:
+    """Return the classes that fits to imagery start from, the highest first.
+
+    **Arguments:** `paper_light`: those for the two-flux light of the paper, whose
+    clouds are thicker and have wider priors.
+    """
+    return _built_in(
+        "imagery_classes_paper_light.toml" if paper_light else "imagery_classes.toml"
+    )
+
+
+def load_classes(path: str | os.PathLike[str]) -> dict[str, CloudClass]:
+    """Read classes of cloud from a TOML file laid out as `classes.toml`.
+
+    The `parameters.toml` of a fit is such a file.
+
+    **Raises:** `TomlError`, a `ValueError`, that names the file, the class and the key
+    where the file is absent or a key is unknown, missing, of the wrong type or out of
+    range.
+    """
+    return classes_from(read_toml(path, "a file of classes of cloud"), str(path))
+
+
+def classes_from(content: Mapping[str, Any], source: str) -> dict[str, CloudClass]:
+    """Make classes from the content of a file, by name; `source` is for messages.
+
+    **Raises:** `TomlError` as `load_classes`.
+    """
+    classes = {
+        name: _class(name, table, f"{source}: class {name}")
+        for name, table in content.items()
+        if name not in NOT_CLASSES
+    }
+    if not classes:
+        raise TomlError(f"{source} holds no class of cloud: write one at least.")
+    return classes
+
+
+def class_table(one: CloudClass) -> dict[str, Any]:
+    """Return a class as the table that a file of classes holds."""
+    table: dict[str, Any] = {key: getattr(one, key) for key in _NUMBERS}
+    table["particles"] = one.particles
+    if one.infrared_ratio is not None:
+        table["infrared_ratio"] = one.infrared_ratio
+    table["conditions"] = {
+        key: float(getattr(one.conditions, key)) for key in _CONDITIONS
+    }
+    if one.imagery is not None:
+        rule = {key: getattr(one.imagery, key) for key in _IMAGERY}
+        table["imagery"] = {k: v for k, v in rule.items() if v is not None}
+    if one.priors:
+        table["priors"] = {
+            key: {k: getattr(prior, k) for k in _PRIOR}
+            for key, prior in one.priors.items()
+        }
+    table["textures"] = [_texture_table(texture) for texture in one.textures]
+    return table
+
+
+def _texture_table(texture: ClassTexture) -> dict[str, Any]:
+    (kind,) = (k for k, made in _FRACTALS.items() if isinstance(texture.fractal, made))
+    shape = {f.name: getattr(texture.fractal, f.name) for f in fields(texture.fractal)}
+    name = {"name": texture.name} if texture.name else {}
+    numbers = {key: getattr(texture, key) for key in _TEXTURE}
+    return {**name, "fractal": kind, **shape, **numbers}
+
+
+def _built_in(name: str) -> dict[str, CloudClass]:
+    file = importlib.resources.files("cloudjax.clouds").joinpath(name)
+    return classes_from(parse_toml(file.read_text(encoding="utf-8"), name), name)
+
+
+def _class(name: str, table: Any, where: str) -> CloudClass:
+    given = checked(table, _CLASS, _OPTIONAL, where)
+    if not given["textures"]:
+        raise TomlError(f"{where} has no textures: add [[{name}.textures]].")
+    parts = {
+        "conditions": _conditions(given["conditions"], f"{where}, conditions"),
+        "textures": tuple(
+            _texture(one, f"{where}, texture {i}")
+            for i, one in enumerate(given["textures"], start=1)
+        ),
+        "priors": {
+            key: _prior(one, f"{where}, prior of {key}")
+            for key, one in given.get("priors", {}).items()
+        },
+    }
+    if "imagery" in given:
+        rule = checked(given["imagery"], {}, _IMAGERY, f"{where}, imagery")
+        parts["imagery"] = ImageryRule(**rule)
+    return _made(CloudClass, {"name": name, **given, **parts}, where)
+
+
+def _conditions(table: Any, where: str) -> Conditions:
+    return _made(Conditions, checked(table, _CONDITIONS, {}, where), where)
+
+
+def _prior(table: Any, where: str) -> Prior:
+    needed = {key: _PRIOR[key] for key in ("lower", "upper", "spread")}
+    optional = {key: _PRIOR[key] for key in ("log", "free")}
+    return _made(Prior, checked(table, needed, optional, where), where)
+
+
+def _texture(table: Any, where: str) -> ClassTexture:
+    if not isinstance(table, Mapping) or table.get("fractal") not in _FRACTALS:
+        kinds = " or ".join(f'"{kind}"' for kind in _FRACTALS)
+        raise TomlError(f"{where} must be a table with fractal = {kinds}.")
+    fractal = _FRACTALS[table["fractal"]]
+    shape = {f.name: least(1) if f.type is int else NUMBER for f in fields(fractal)}
+    given = checked(
+        table, {"fractal": TEXT, **shape, **_TEXTURE}, {"name": TEXT}, where
+    )
+    made = _made(fractal, {key: given[key] for key in shape}, where)
+    rest = {key: given[key] for key in (*_TEXTURE, "name") if key in given}
+    return _made(ClassTexture, {"fractal": cast(Fractal, made), **rest}, where)
+
+
+def _made(kind: Any, values: Mapping[str, Any], where: str) -> Any:
+    """Make an object, and say where the values are from if it refuses them."""
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise TomlError(f"{where}: {error}") from error

@@ -1,0 +1,82 @@
+"""What a fit may move of a class of cloud, between which bounds, by which prior."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Prior:
+    """How far a parameter may go from its default, and how likely that is.
+
+    **Fields:**
+
+    - `lower`, `upper`: bounds, in the parameter's unit.
+    - `spread`: standard deviation around the default, of the logarithm where `log`.
+    - `log`: whether scale and prior are logarithmic.
+    - `free`: whether a fit may move the parameter.
+    """
+
+    lower: float
+    upper: float
+    spread: float
+    log: bool = False
+    free: bool = True
+
+    def __post_init__(self):
+        if not self.lower < self.upper:
+            raise ValueError("lower must be less than upper.")
+        if not self.spread > 0:
+            raise ValueError("spread must be positive.")
+        if self.log and not self.lower > 0:
+            raise ValueError("lower must be positive where the prior is logarithmic.")
+
+
+@dataclass(frozen=True)
+class ClassParameter:
+    """A number of a class of cloud that a fit may move, in physical terms.
+
+    **Fields:**
+
+    - `name`: short, such as "top"; `key`: in a file of classes, such as "top_m".
+    - `path`: where it sits in the class's layer, such as "cloud.function.top_m".
+    - `default`: its value in the class, where fits start.
+    - `prior`: its bounds and its prior; `unit`: of all these.
+    """
+
+    name: str
+    key: str
+    path: str
+    default: float
+    prior: Prior
+    unit: str = ""
+
+
+# Where a file of classes says nothing. Extinction and absorption at visible and
+# infrared wavelengths are known to a factor; a fit moves a top within its shell.
+USUAL = {
+    "weight": Prior(0.0, 3.0, 0.4),
+    "mask_gain": Prior(0.0, 4.0, 0.4),
+    "threshold": Prior(-4.0, 4.0, 0.7),
+    "barrier_scale_m": Prior(30.0, 2500.0, 0.7, log=True),
+    "extinction_per_m": Prior(1e-6, 1.0, 0.7, log=True),
+    "infrared_ratio": Prior(0.1, 60.0, 0.1, log=True),
+}
+ALTITUDE_SPREAD_M = 1000.0
+# Places in a layer and units by key, in the order in which fits list them.
+PLACES = {
+    "mask_gain": ("cloud.function.mask_gain", ""),
+    "threshold": ("cloud.function.threshold", ""),
+    "base_m": ("cloud.function.base_m", "m"),
+    "top_m": ("cloud.function.top_m", "m"),
+    "barrier_scale_m": ("cloud.function.barrier_scale_m", "m"),
+    "extinction_per_m": ("extinction_per_m", "1/m"),
+    "infrared_ratio": ("infrared_ratio", ""),
+}
+# A condensation barrier's foot is fitted where its prior is given only: radiances
+# seen from above hardly tell it.
+UNLESS_ASKED = ("base_m",)
+WEIGHT = "weight_"
+
+
+def short_name(key: str) -> str:
+    """Return the name without its unit: "top" of "top_m"."""
+    return key.removesuffix("_per_m").removesuffix("_m")

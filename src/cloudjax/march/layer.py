@@ -1,0 +1,62 @@
+"""Layers from classes of cloud."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax.numpy as jnp
+
+from cloudjax.clouds.classes import CloudClass
+from cloudjax.weather.advection import DisplacementMap
+from cloudjax.weather.masks import AbstractMask
+
+from .scene import Layer
+
+
+def class_layer(
+    cloud_class: CloudClass,
+    *,
+    sunlit: Sequence[int] = (),
+    thermal: Sequence[int] = (),
+    seed: int = 0,
+    steps: int = 24,
+    extinction_share: float = 1.0,
+    movable: bool = False,
+    mask: AbstractMask | None = None,
+    displacements: Sequence[DisplacementMap | None] | None = None,
+) -> Layer:
+    """Make the layer of a class for the bands of a scene.
+
+    **Arguments:**
+
+    - `sunlit`, `thermal`: numbers of the bands that see the sun, and of those that
+      emit, as the scene lists them.
+    - `seed`: of the textures; `steps`: of the march through the shell.
+    - `extinction_share`: of the physical extinction that the scene's light calls
+      extinction; absorption in the infrared stays the physical one.
+    - `movable`: a fit will move the cloud within its shell, see `CloudClass.cloud`.
+    - `mask`, `displacements`: where the weather lets it stand, and how the wind has
+      drawn each of its textures.
+    """
+    cloud = replace(
+        cloud_class.cloud(seed, movable=movable),
+        mask=mask,
+        displacements=None if displacements is None else tuple(displacements),
+    )
+    particles = cloud_class.optics
+    return Layer(
+        cloud=cloud,
+        extinction_per_m=jnp.asarray(
+            extinction_share * cloud_class.extinction_per_m, float
+        ),
+        infrared_ratio=jnp.asarray(
+            cloud_class.absorption_ratio / extinction_share, float
+        ),
+        co_albedo=particles.co_albedo_in(sunlit),
+        asymmetry=particles.asymmetry_in(sunlit),
+        relative_extinction=particles.relative_extinction_in(sunlit),
+        relative_absorption=particles.relative_absorption_in(thermal),
+        thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
+        thermal_asymmetry=particles.thermal_asymmetry_in(thermal),
+        name=cloud_class.name,
+        steps=steps,
+    )

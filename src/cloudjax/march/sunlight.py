@@ -1,0 +1,119 @@
+"""Sunlight that the layers of a scene send back, one in front of the other."""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cloudjax.light.reflectance import above_horizon
+from cloudjax.light.reflection import Illumination
+
+from .march import first_surface
+from .marched_way import MarchedWay
+from .scene import Scene
+from .shadows import dimming
+from .view import View
+
+
+def reflected(scene: Scene, ways: Sequence[MarchedWay], view: View, background):
+    """Find the reflectance factor of all cloud and its transmittance, [bands rays].
+
+    A layer's light is dimmed by what lies in front of the part of it that is seen. What
+    is behind a layer, of reflectance A, is lit by what the layer sends back too, and
+    seen through it as t A/(1 - A R) (Liou 2002, eq. 6.3.31), R the layer's own.
+    """
+    # All bands in one, or the strategy would be compiled anew for each.
+    each_band = jax.vmap(scene.reflection, in_axes=(0, 0, None))
+    lights = [_illumination(way, view.around.sun_direction) for way in ways]
+    returned = [
+        each_band(
+            way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
+            way.layer.scatterers,
+            light,
+        )
+        for way, light in zip(ways, lights, strict=True)
+    ]
+    dimmed, ground = _shaded(scene, view, ways)
+    background = ground * background
+    sent = [
+        jax.vmap(way.passed.mean)(dim * own.reflectance)
+        for way, own, dim in zip(ways, returned, dimmed, strict=True)
+    ]
+    before = [_before(way, ways) for way in ways]
+    passed = []
+    for i, (way, light, own) in enumerate(zip(ways, lights, returned, strict=True)):
+        behind = background
+        for shares, other in zip(before, sent, strict=True):
+            if (share := shares[i]) is not None:
+                behind = behind + share[None] * other
+        albedo = jnp.clip(behind / above_horizon(light.sun_height)[None], 0, 1)
+        # Never all of it, or light would not end.
+        echo = jnp.minimum(albedo[:, None] * own.back, 0.99)
+        passed.append(jax.vmap(way.passed.mean)(own.transmittance / (1 - echo)))
+    source, transmittance = jnp.zeros_like(background), jnp.ones_like(background)
+    for shares, own, left in zip(before, sent, passed, strict=True):
+        for share, through in zip(shares, passed, strict=True):
+            if share is not None:
+                own = own * (1 - share[None] * (1 - through))
+        source, transmittance = source + own, transmittance * left
+    return source, ground * transmittance
+
+
+def _shaded(scene: Scene, view: View, ways: Sequence[MarchedWay]):
+    """What shadows leave of the light of each way's cloud, and of the ground's."""
+    if view.shades is None:
+        return [1.0] * len(ways), 1.0
+    layers = scene.layers
+    casters = [layer.cloud for layer in layers], [la.returned_per_m for la in layers]
+    dimmed = [
+        dimming(shades, *casters, own=i, part=_turning_part(way))
+        for i, way, shades in zip(view.layer_of, ways, view.shades.ways, strict=True)
+    ]
+    return dimmed, dimming(view.shades.ground, *casters)[:, 0]
+
+
+def _turning_part(way: MarchedWay) -> Float[Array, " rays"]:
+    """Where on its way through a layer the light turns, 0 to 1: weights exp(-bτ)."""
+    returned = way.layer.returned_per_m.mean() * way.view_height[None, :, None]
+    turned = jnp.exp(-returned * way.passed.cloud_m)
+    weight = way.passed.mean(way.passed.segment_m * turned)
+    total = jnp.maximum(weight.sum(-1), 1e-9)
+    distance = jnp.sum(weight * way.distance_m, axis=-1) / total
+    return distance / jnp.maximum(way.path.length_m, 1.0)
+
+
+def _before(
+    way: MarchedWay, others: Sequence[MarchedWay]
+) -> list[Float[Array, " rays"] | None]:
+    """The share of each other way's cloud that is in front of what is seen of one."""
+    seen = way.passed.mean(way.passed.absorbed(way.layer.extinction_per_m))
+    total = jnp.maximum(seen.sum(-1), 1e-9)
+    shares = []
+    for where, other in zip(way.places, others, strict=True):
+        if where is None:
+            shares.append(None)
+            continue
+        profile = other.passed.transmittance(other.layer.extinction_per_m)
+        stopped = (1 - profile) / jnp.maximum(1 - profile[:, -1:], 1e-6)
+        shares.append((seen * where.read(stopped)).sum(-1) / total)
+    return shares
+
+
+def _illumination(way: MarchedWay, sun: Float[Array, "rays 3"]) -> Illumination:
+    lit = shaded = None
+    if way.passed.slopes is not None:
+        surface = first_surface(
+            way.passed.absorbed(way.layer.extinction_per_m),
+            way.distance_m,
+            way.passed.slopes,
+            way.path.direction,
+        )
+        lit, shaded = surface.illumination(sun)
+    return Illumination(
+        lit,
+        shaded,
+        sun_height=jnp.sum(way.path.entry_up * sun, axis=-1),
+        view_height=way.view_height,
+        scattering=jnp.sum(way.path.direction * sun, axis=-1),
+    )

@@ -1,0 +1,133 @@
+"""Tables of a TOML file, checked: what is unknown, missing or of the wrong type.
+
+Every message is one sentence that names the file, the key and the remedy.
+"""
+
+import difflib
+import math
+import os
+import tomllib
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+class TomlError(ValueError):
+    """A file or table that cannot be used; the message is a sentence for the user."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of value: what it is called in a message, and which values are of it."""
+
+    words: str
+    holds: Callable[[Any], bool]
+
+    def check(self, value: Any, key: str, where: str) -> Any:
+        """Return the value, numbers as floats where they need not be whole.
+
+        **Raises:** `TomlError` for a value of another kind.
+        """
+        if not self.holds(value):
+            raise TomlError(f"{where} gives {key} = {value!r}: make it {self.words}.")
+        return float(value) if self in (NUMBER, ANY_NUMBER, POSITIVE) else value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_finite(value: Any) -> bool:
+    return _is_number(value) and math.isfinite(value)
+
+
+def is_whole(value: Any) -> bool:
+    """Tell whether a value is an integer, which true and false are not."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+NUMBER = Kind("a finite number", _is_finite)
+ANY_NUMBER = Kind("a number", lambda value: _is_number(value) and value == value)
+POSITIVE = Kind("a positive number", lambda value: _is_finite(value) and value > 0)
+WHOLE = Kind("a whole number", is_whole)
+TEXT = Kind("a text", lambda value: isinstance(value, str))
+LIST = Kind("a list", lambda value: isinstance(value, list))
+FLAG = Kind("true or false", lambda value: isinstance(value, bool))
+TABLE = Kind("a table", lambda value: isinstance(value, Mapping))
+
+
+def least(number: int) -> Kind:
+    """Return the kind of whole numbers that are not less than this."""
+    words = f"a whole number of at least {number}"
+    return Kind(words, lambda value: is_whole(value) and value >= number)
+
+
+def one_of(words: Collection[str]) -> Kind:
+    """Return the kind of texts that are one of these."""
+    return Kind(" or ".join(words), lambda value: value in list(words))
+
+
+def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
+    """Return the content of a file; `what` it should be is said where it is absent.
+
+    **Raises:** `TomlError` if the file is absent or no TOML.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise TomlError(f"{path} is not a file: give {what}.")
+    try:
+        return parse_toml(path.read_text(encoding="utf-8"), str(path))
+    except UnicodeDecodeError as error:
+        raise TomlError(f"{path} is not valid TOML ({error}): correct it.") from error
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """Return the content of a text; `source` is the name of its file.
+
+    **Raises:** `TomlError` if it is no TOML.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise TomlError(f"{source} is not valid TOML ({error}): correct it.") from error
+
+
+def checked(
+    table: Any,
+    required: Mapping[str, Kind],
+    optional: Mapping[str, Kind],
+    where: str,
+) -> dict[str, Any]:
+    """Return the table, with numbers as floats but where they must be whole.
+
+    **Arguments:** `required`, `optional`: the kind of value by key; `where`: the file
+    and table, for the message.
+
+    **Raises:** `TomlError` for keys that are unknown or missing, or wrong values.
+    """
+    known = {**required, **optional}
+    if not TABLE.holds(table):
+        raise TomlError(f"{where} must be a table, with {', '.join(known)}.")
+    require_known(table, known, "key", where)
+    missing = [key for key in required if key not in table]
+    if missing:
+        raise TomlError(f"{where} has no {', '.join(missing)}: add what is missing.")
+    return {key: known[key].check(value, key, where) for key, value in table.items()}
+
+
+def require_known(
+    given: Collection[str], known: Collection[str], what: str, where: str
+) -> None:
+    """Raise `TomlError` for the first name that is not known, with the nearest one."""
+    for name in given:
+        if name not in known:
+            raise TomlError(
+                f"{where} has an unknown {what}, {name!r}: the nearest known one is "
+                f"{nearest(name, known)!r}."
+            )
+
+
+def nearest(name: str, known: Collection[str]) -> str:
+    """Return the known name that is spelt most alike."""
+    return difflib.get_close_matches(name, list(known), n=1, cutoff=0.0)[0]

@@ -1,0 +1,115 @@
+"""What is public says what it does, in a sentence."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = (
+    "src/cloudjax",
+    "data_fetch/cloudjax_data",
+    "scenes/cloudjax_scenes",
+    "fit/cloudjax_fit",
+)
+# Held in full; of the others only what a package re-exports.
+ROOMS = (
+    *(f"src/cloudjax/{room}" for room in ("geometry", "weather", "light", "air")),
+    "data_fetch/cloudjax_data",
+)
+FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+# A sentence that begins so has lost its subject and its verb.
+FRAGMENTS = ("of ", "that of ", "as ", "with ", "from ", "per ", "over ", "where ")
+
+
+def _public(body: list[ast.stmt]) -> Iterator[ast.FunctionDef | ast.ClassDef]:
+    for node in body:
+        named = isinstance(node, ast.FunctionDef | ast.ClassDef)
+        if named and not node.name.startswith("_"):
+            yield node
+
+
+def _classes(files: list[Path]) -> dict[str, ast.ClassDef]:
+    return {
+        node.name: node
+        for path in files
+        for node in ast.parse(path.read_text("utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    }
+
+
+CLASSES = _classes(FILES)
+
+
+def _inherited(name: str, owner: ast.ClassDef) -> bool:
+    """Tell whether a class above has a docstring for the method of that name."""
+    names = [ast.unparse(base).split("[")[0] for base in owner.bases]
+    above = [CLASSES[n] for n in names if n in CLASSES]
+    return any(
+        any(m.name == name and ast.get_docstring(m) for m in _public(c.body))
+        or _inherited(name, c)
+        for c in above
+    )
+
+
+def _undocumented(path: Path) -> Iterator[str]:
+    """Name what a file offers without a word; overriding methods may inherit theirs."""
+    for node in _public(ast.parse(path.read_text("utf-8")).body):
+        if not ast.get_docstring(node):
+            yield node.name
+        if isinstance(node, ast.ClassDef):
+            for method in _public(node.body):
+                if not (ast.get_docstring(method) or _inherited(method.name, node)):
+                    yield f"{node.name}.{method.name}"
+
+
+def _fragments(path: Path) -> Iterator[str]:
+    tree = ast.parse(path.read_text("utf-8"))
+    for node in (tree, *_public(tree.body)):
+        members = node.body if isinstance(node, ast.ClassDef) else []
+        for part in (node, *_public(members)):
+            text = ast.get_docstring(part) or ""
+            if text.lower().startswith(FRAGMENTS):
+                yield text.splitlines()[0]
+
+
+each_file = pytest.mark.parametrize(
+    "path", FILES, ids=lambda p: f"{p.parent.name}/{p.name}"
+)
+
+
+@each_file
+def test_what_is_public_has_a_docstring(path):
+    assert not list(_undocumented(path))
+
+
+@each_file
+def test_docstrings_begin_with_a_sentence(path):
+    assert not list(_fragments(path))
+
+
+def _exported(package: Path) -> Iterator[tuple[str, Path]]:
+    """Yield what a package re-exports, and the module that it comes from."""
+    stub = package / "__init__.pyi"
+    text = (stub if stub.exists() else package / "__init__.py").read_text("utf-8")
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.ImportFrom) and node.level == 1 and node.module:
+            module = package.joinpath(*node.module.split("."))
+            is_folder = module.is_dir()
+            path = module / "__init__.py" if is_folder else module.with_suffix(".py")
+            yield from ((alias.name, path) for alias in node.names)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_what_a_package_offers_has_a_docstring(package):
+    offered = list(_exported(ROOT / package))
+    bare = {
+        (node.name, path)
+        for path in {path for _, path in offered}
+        for node in _public(ast.parse(path.read_text("utf-8")).body)
+        if not ast.get_docstring(node)
+    }
+    assert offered
+    assert not bare.intersection(offered)
