@@ -26,6 +26,16 @@ import jax  # noqa: E402
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
+# Files that share more than compiled functions: a fit, an image, a server.
+TOGETHER = {
+    "tests/regression/test_fits.py": "fit",
+    "tests/system/test_readme.py": "fit",
+    "tests/regression/test_images.py": "image",
+    "tests/system/test_render_sensor.py": "image",
+    "tests/system/fetch/test_fetch_failures.py": "fetch",
+    "tests/system/fetch/test_fetch_scene.py": "fetch",
+}
+
 # Bytes that a process holds before it forgets what the tests of a file compiled: the
 # functions of all tests fill gigabytes.
 ENOUGH = 1.2e9
@@ -65,16 +75,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log):
     """Let the tests of a file run on one worker, for they share what is compiled.
 
-    Files that share something more are of one group of their own.
+    xdist's own groups are names in the ids of tests, which pytest 9.2 leaves out.
     """
-    for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            file = item.nodeid.split("::")[0]
-            item.add_marker(pytest.mark.xdist_group(file))
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::")[0]
+            return TOGETHER.get(file, file)
+
+    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session")
@@ -87,7 +101,7 @@ def weather_folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def rendered(weather_folder) -> Path:
-    """The image over that weather; its tests are of the group "render"."""
+    """The image over that weather."""
     from tests.weather_scenes import render_image
 
     return render_image(weather_folder, weather_folder / "out.nc")
@@ -95,7 +109,7 @@ def rendered(weather_folder) -> Path:
 
 @pytest.fixture(scope="session")
 def example_of_a_fit(tmp_path_factory):
-    """The README's fit, run once; its tests are of the group "fit"."""
+    """The fit of the README."""
     from tests.readme import run_fit
 
     return run_fit(tmp_path_factory.mktemp("readme"))

@@ -1,7 +1,6 @@
 """Images that stay as they are."""
 
 import numpy as np
-import pytest
 
 from .scenes import fractal_image, image_of
 from .stored import share
@@ -18,7 +17,6 @@ def test_the_image_of_a_fractal_scene_stays(stored):
     stored.check("fractal_image", found, share(found, 2e-4))
 
 
-@pytest.mark.xdist_group("render")
 def test_the_image_over_a_generated_analysis_stays(stored, rendered):
     """One pixel of 64 of the image that the command line renders over a GRIB file.
 

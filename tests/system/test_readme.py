@@ -7,7 +7,6 @@ import pytest
 from tests.readme import examples, is_fit, run
 
 
-@pytest.mark.xdist_group("fit")
 def test_the_fit_runs(example_of_a_fit):
     assert re.search(r"C13 .*W1/std \d\.\d{3}", example_of_a_fit.output)
     assert (example_of_a_fit.folder / "out" / "example" / "report.html").is_file()

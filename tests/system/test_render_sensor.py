@@ -25,10 +25,6 @@ from tests.weather_scenes import (
 )
 
 
-# On one worker, with all others that look at the image.
-pytestmark = pytest.mark.xdist_group("render")
-
-
 @pytest.fixture
 def folder(weather_folder) -> Path:
     return weather_folder

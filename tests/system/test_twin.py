@@ -15,8 +15,6 @@ from cloudjax_fit.uncertainty import estimate
 from tests.twin import make_twin
 
 
-# On one worker, so that the twin is made once.
-pytestmark = pytest.mark.xdist_group("twin")
 STARTS = 8
 
 

@@ -40,8 +40,6 @@ from tests.mischief import (
 from tests.noaa_buckets import add_gfs, add_scan, goes_folder
 
 
-pytestmark = pytest.mark.xdist_group("fetch")
-
 SCAN = datetime(2023, 4, 26, 17, 1, 17, 500000, tzinfo=UTC)
 NOON = datetime(2023, 4, 26, 12, tzinfo=UTC)
 BANDS = (1, 3, 13)

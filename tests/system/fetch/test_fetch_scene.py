@@ -20,8 +20,6 @@ from tests.mischief import busy, cut, of_files
 from tests.noaa_buckets import LEVELS_HPA, add_gfs, add_scan, goes_folder
 
 
-pytestmark = pytest.mark.xdist_group("fetch")
-
 README = Path(__file__).parents[3] / "README.md"
 # In ABI's mode 6 a CONUS scan begins 77 seconds after each fifth minute.
 SCAN = datetime(2023, 4, 26, 17, 1, 17, 500000, tzinfo=UTC)
