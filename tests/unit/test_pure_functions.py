@@ -76,21 +76,22 @@ def test_derivatives_of_all_kinds_agree_with_differences(seen):
 
         x, h = jnp.asarray([0.3, -0.2]), 1e-4
         value, slope = jax.jit(jax.value_and_grad(total))(x)
-        alone, curvature = jax.jit(jax.grad(total))(x), jax.jit(jax.hessian(total))(x)
         run, grad = jax.jit(total), jax.jit(jax.grad(total))
+        alone, curvature = grad(x), jax.jit(jax.hessian(total))(x)
         steps = h * jnp.eye(2)
         slopes = jnp.stack([run(x + s) - run(x - s) for s in steps]) / (2 * h)
         curves = jnp.stack([grad(x + s) - grad(x - s) for s in steps]) / (2 * h)
         every = [jax.jit(jac(lambda x: seen(_scene(x), view)))(x)
                  for jac in (jax.jacfwd, jax.jacrev)]  # fmt: skip
-        seen_here = seen(_scene(x), view)
-    np.testing.assert_allclose(value, (seen_here**2).sum(), rtol=1e-12)
+        here = np.asarray(seen(_scene(x), view))
+    every, curvature = [np.asarray(one) for one in every], np.asarray(curvature)
+    np.testing.assert_allclose(value, (here**2).sum(), rtol=1e-12)
     np.testing.assert_allclose(slope, alone, rtol=1e-12)
     np.testing.assert_allclose(slope, slopes, rtol=1e-6)
     np.testing.assert_allclose(curvature, curvature.T, rtol=1e-9)
     np.testing.assert_allclose(curvature, curves, rtol=1e-5)
     np.testing.assert_allclose(every[0], every[1], rtol=1e-9, atol=1e-12)
-    chained = 2 * jnp.sum(seen_here[..., None] * every[0], axis=(0, 1))
+    chained = (2 * here[..., None] * every[0]).sum((0, 1))
     np.testing.assert_allclose(slope, chained, rtol=1e-9)
     assert np.abs(slope).min() > 1e-4
 
