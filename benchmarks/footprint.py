@@ -19,8 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
-    POINT,
-    BandRadiances,
     CloudFunction,
     FractalCloud,
     InvertedWorley,
@@ -29,16 +27,17 @@ from cloudjax import (
     Perlin,
     Rays,
     ReflectiveBands,
+    Sampling,
     Scene,
     Shell,
-    StandardAtmosphere,
     TwoFlux,
-    navigate,
+    UniformGround,
     radiances,
-    render,
-    sample,
 )
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import GRS80, ecef, intersect
+from cloudjax.image.render import render
+from cloudjax.march.view import lay, make_textures, sample
 
 
 SEEDS = 8
@@ -180,7 +179,8 @@ def cumulus(*, hard: bool, steps: int, nodes: int = NODES) -> Scene:
     )
     bands = ReflectiveBands((2,), one, path=0 * one, gain=one)
     reflection = TwoFlux(jnp.asarray(0.3))
-    return Scene((layer,), bands, None, reflection, StandardAtmosphere())
+    black = UniformGround(albedo=0.0)
+    return Scene((layer,), bands, None, reflection, ground=black)
 
 
 def sun_over(square: Square, azimuth_rad: float) -> np.ndarray:
@@ -196,7 +196,7 @@ def sun_over(square: Square, azimuth_rad: float) -> np.ndarray:
 def soft_rays(square: Square, sun: np.ndarray, parts: int = 1) -> np.ndarray:
     """Reflectances, the pixels' footprints averaged."""
     scene = cumulus(hard=False, steps=STEPS)
-    seen = render(scene, square.rays(parts), sun, _dark)
+    seen = render(scene, square.rays(parts), sun)
     assert seen.radiances.reflective is not None
     return np.asarray(seen.radiances.reflective[0], float)
 
@@ -206,22 +206,15 @@ def hard_rays(
 ) -> np.ndarray:
     """Reflectances of lines without a footprint."""
     scene, rays = cumulus(hard=True, steps=steps), square.rays(parts)
-    textures = (scene.layers[0].cloud.make_textures(POINT, 128),)
+    textures = make_textures(scene, POINT, 128)
     seen = []
     for start in range(0, len(rays), CHUNK):
-        some = np.arange(start, min(start + CHUNK, len(rays)))
-        view = navigate(scene, rays[some], sun)
-        found = _radiances(scene, _sample(scene, view, textures), _dark(some))
+        some = rays[start : start + CHUNK]
+        ways = lay(scene, some, sun, Sampling(POINT))
+        found = radiances(scene, sample(scene, ways, textures))
         assert found.reflective is not None
         seen.append(np.asarray(found.reflective[0], float))
     return np.concatenate(seen)
-
-
-_sample, _radiances = eqx.filter_jit(sample), eqx.filter_jit(radiances)
-
-
-def _dark(index) -> BandRadiances:
-    return BandRadiances(jnp.zeros((1, len(index))), None)
 
 
 # The comparisons ---------------------------------------------------------------------

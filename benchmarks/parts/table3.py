@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from peers import brute_jax, ours
 from peers.hard import hard_rays
-from peers.problem import SUN, Problem, dark
+from peers.problem import SUN, Problem
 from scipy.stats import wasserstein_distance
 
 from .sizes import Context, Sizes
@@ -91,14 +91,7 @@ def hard_limit_apart(context: Context) -> float:
     pixels = choose_pixels(problem, HARD_RAYS)
     rays = problem.grid().rays(pixels)
     peer = brute_jax.prepare(problem.work(rays))()
-    (own,) = hard_rays(
-        problem.scene(problem.steps, nodes=1),
-        rays,
-        SUN,
-        problem.weather(),
-        lambda index: dark(len(index)),
-        voxels,
-    )
+    (own,) = hard_rays(problem.scene(problem.steps, nodes=1), rays, SUN, voxels)
     apart = float(np.abs(own - peer).mean())
     if apart > SAME_AS_HARD:
         raise RuntimeError(

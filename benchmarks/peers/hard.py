@@ -5,21 +5,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
-    POINT,
     BandRadiances,
     FractalCloud,
     Rays,
+    Sampling,
     Scene,
-    Weather,
-    navigate,
     radiances,
-    sample,
 )
+from cloudjax.geometry.footprint import POINT
+from cloudjax.march.view import lay, make_textures, sample
 
 
 AT_ONCE = 4096
-
-_sample, _radiances = eqx.filter_jit(sample), eqx.filter_jit(radiances)
 
 
 class HardCloud(FractalCloud):
@@ -44,21 +41,15 @@ def hardened(scene: Scene) -> Scene:
 FIELDS = tuple(FractalCloud.__dataclass_fields__)
 
 
-def hard_rays(
-    scene: Scene, rays: Rays, sun, weather: Weather, behind, voxels: int
-) -> np.ndarray:
-    """Radiances of all bands, [bands rays].
-
-    **Arguments:** `behind`: what rays of given numbers see without cloud.
-    """
+def hard_rays(scene: Scene, rays: Rays, sun, voxels: int) -> np.ndarray:
+    """Radiances of all bands, [bands rays]."""
     scene = hardened(scene)
-    textures = tuple(layer.cloud.make_textures(POINT, voxels) for layer in scene.layers)
+    textures = make_textures(scene, POINT, voxels)
     seen = []
     for start in range(0, len(rays), AT_ONCE):
-        index = np.arange(start, min(start + AT_ONCE, len(rays)))
-        view = navigate(scene, rays[index], sun, weather.masks)
-        found = _radiances(scene, _sample(scene, view, textures), behind(index))
-        seen.append(_stacked(found))
+        ways = lay(scene, rays[start : start + AT_ONCE], sun, Sampling(POINT))
+        view = sample(scene, ways, textures)
+        seen.append(_stacked(radiances(scene, view)))
     return np.concatenate(seen, axis=1)
 
 

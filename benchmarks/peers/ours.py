@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 
-from cloudjax import BandRadiances, Rays, Scene, Weather
-from cloudjax.image.render import Prepared, prepare
+from cloudjax import Rays, Scene
+from cloudjax.image.render import PreparedImage, prepare, render
 
-from .problem import SUN, Problem, dark
+from .problem import SUN, Problem
 
 
 NAME = "cloudjax"
@@ -18,17 +18,14 @@ NAME = "cloudjax"
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What is looked at, but for the scene.
+    """Where a scene is looked at from.
 
-    **Fields:** `rays`: makes them. `behind`: what rays of given numbers see without
-    cloud. `voxels`: per axis of the textures.
+    **Fields:** `rays`: makes them. `voxels`: per axis of the textures.
     """
 
     rays: Callable[[], Rays]
     sun: np.ndarray
-    weather: Weather
     voxels: int
-    behind: Callable[[np.ndarray], BandRadiances]
 
 
 class Marching:
@@ -50,8 +47,6 @@ class Marching:
             max(self._scenes.values(), key=lambda scene: scene.layers[0].steps),
             rays,
             sight.sun,
-            sight.behind,
-            sight.weather,
             resolution=sight.voxels,
         )
         laps.next("preparation")
@@ -71,9 +66,9 @@ class Marching:
         }
 
 
-def _march(prepared: Prepared, scene: Scene) -> tuple[float, np.ndarray]:
+def _march(prepared: PreparedImage, scene: Scene) -> tuple[float, np.ndarray]:
     started = time.perf_counter()
-    parts = jax.tree.leaves(prepared.render(scene).radiances)
+    parts = jax.tree.leaves(render(scene, prepared).radiances)
     return time.perf_counter() - started, np.concatenate(parts)
 
 
@@ -99,13 +94,7 @@ def name_of(preset: tuple[int, int]) -> str:
 
 def disc(problem: Problem, presets, layers: int = 1, bands: int = 1) -> Marching:
     """The full disc with several presets."""
-    sight = Sight(
-        lambda: problem.grid().rays(),
-        SUN,
-        problem.weather(layers),
-        problem.voxels,
-        lambda index: dark(len(index), bands),
-    )
+    sight = Sight(lambda: problem.grid().rays(), SUN, problem.voxels)
     scenes = {name_of(p): problem.scene(*p, layers, bands) for p in presets}
     return Marching(sight, scenes)
 

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
-    BandRadiances,
     FixedGrid,
     FractalCloud,
     InvertedWorley,
@@ -17,9 +16,8 @@ from cloudjax import (
     Rays,
     ReflectiveBands,
     Scene,
-    StandardAtmosphere,
     TwoFlux,
-    Weather,
+    UniformGround,
     cloud_classes,
     make_texture,
 )
@@ -112,15 +110,16 @@ class Problem:
     def scene(self, steps: int, nodes: int, layers: int = 1, bands: int = 1) -> Scene:
         """The same for cloudjax, in bands whose radiance is the reflectance.
 
-        Further layers are the paper's other classes, under the same mask.
+        Further layers are the paper's other classes, under the same mask. Nothing is
+        seen behind them.
         """
         names = [CLASS, *(name for name in cloud_classes() if name != CLASS)]
         white, one = jnp.zeros(bands), jnp.ones(bands)
-        latent = Latent.gauss_hermite(nodes)
+        changes = {"latent": Latent.gauss_hermite(nodes), "mask": self.mask}
         return Scene(
             layers=tuple(
                 Layer(
-                    cloud=dataclasses.replace(self.cloud(name), latent=latent),
+                    cloud=dataclasses.replace(self.cloud(name), **changes),
                     extinction_per_m=jnp.asarray(self._extinction_per_m(name)),
                     infrared_ratio=jnp.asarray(0.0),
                     co_albedo=white,
@@ -133,16 +132,13 @@ class Problem:
             reflective=ReflectiveBands(tuple(range(1, bands + 1)), one, white, one),
             emissive=None,
             reflection=TwoFlux(jnp.asarray(INDIRECT)),
-            temperature=StandardAtmosphere(),
+            ground=UniformGround(albedo=0.0),
         )
 
     def _extinction_per_m(self, name: str) -> float:
         if self.extinction_per_m is not None:
             return self.extinction_per_m
         return SHARE * cloud_classes()[name].extinction_per_m
-
-    def weather(self, layers: int = 1) -> Weather:
-        return Weather(masks=(self.mask,) * layers)
 
 
 def clouds_of(
@@ -167,11 +163,6 @@ def clouds_of(
         ceiling_m=cloud.shell.top_m,
         extinction_per_m=extinction_per_m,
     )
-
-
-def dark(rays: int, bands: int = 1) -> BandRadiances:
-    """Nothing behind the clouds."""
-    return BandRadiances(jnp.zeros((bands, rays)), None)
 
 
 def generated_fraction() -> np.ndarray:

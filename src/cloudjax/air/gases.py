@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -144,10 +145,12 @@ def standard_depth(bands: Sequence[int]) -> Float[np.ndarray, " bands"]:
     """Return the optical depth of the gases straight up from sea level in the US
     standard atmosphere, by ABI band.
     """
-    kelvin = np.asarray(atmosphere.temperature_k(LEVELS_M), float)
-    above = columns(kelvin, standard_humidity())
-    depth = optical_depth(bands, above, jnp.ones(len(LEVELS_M)))
-    return np.asarray(depth, float)[:, 0]
+    # Air may be made where jax traces; which of its gases count is no part of that.
+    with jax.ensure_compile_time_eval():
+        kelvin = np.asarray(atmosphere.temperature_k(LEVELS_M), float)
+        above = columns(kelvin, standard_humidity())
+        depth = optical_depth(bands, above, jnp.ones(len(LEVELS_M)))
+        return np.asarray(depth, float)[:, 0]
 
 
 def _means(levels):
