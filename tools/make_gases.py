@@ -277,7 +277,7 @@ def kelvin_error(known, found, atmospheres, wavenumber: float):
 
 def main() -> None:
     folder = Path(sys.argv[1])
-    default = Path(__file__).parents[1] / "src/cloudjax/gases.toml"
+    default = Path(__file__).parents[1] / "src/cloudjax/air/gases.toml"
     out = Path(sys.argv[2]) if len(sys.argv) > 2 else default
     lowtran = source()
     atmospheres = lowtran.mlatm

@@ -155,7 +155,7 @@ HEADER = """\
 
 def main() -> None:
     folder = Path(sys.argv[1])
-    default = Path(__file__).parents[1] / "src/cloudjax/cloud_optics.toml"
+    default = Path(__file__).parents[1] / "src/cloudjax/light/cloud_optics.toml"
     out = Path(sys.argv[2]) if len(sys.argv) > 2 else default
     text = HEADER
     for name, single, limits, count, kelvin in (

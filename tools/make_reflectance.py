@@ -27,7 +27,7 @@ from cloudjax.light.reflectance import PlaneParallel
 from cloudjax.light.reflection import slab
 
 
-TABLE = Path(__file__).parents[1] / "src/cloudjax/reflectance.npz"
+TABLE = Path(__file__).parents[1] / "src/cloudjax/light/reflectance.npz"
 DEPTHS, ANGLES, AZIMUTHS = 18, 12, 2
 SUN, VIEW = np.triu_indices(ANGLES)
 
