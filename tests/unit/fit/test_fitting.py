@@ -181,7 +181,7 @@ def test_residuals_are_those_of_histograms_cover_and_priors(result, posed):
             observed[n]
         )
         row = shape[16 * i : 16 * i + 16]
-        # Each pixel spread over three bins: a quarter, a half, a quarter or less.
+        # The fit spreads each pixel over three bins.
         spread = np.convolve(
             np.pad(sharp, 1, mode="edge"), [0.125, 0.75, 0.125], "valid"
         )

@@ -1,4 +1,4 @@
-"""Optical depths of images are physical and vertical, whatever light they are made by."""
+"""Optical depths of images are physical and vertical in every light."""
 
 import numpy as np
 import pytest
