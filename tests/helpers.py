@@ -199,7 +199,9 @@ class TurnedAir(DisplacementMap):
     @classmethod
     def by(cls, degrees: float) -> "TurnedAir":
         grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.array([0.0, 180.0]))
-        return cls(jnp.zeros((2, 2, 3)), numbers(0.0)[0], numbers(0.0)[0], grid, degrees)
+        return cls(
+            jnp.zeros((2, 2, 3)), numbers(0.0)[0], numbers(0.0)[0], grid, degrees
+        )
 
     def displacement_of(self, points):
         c, s = np.cos(np.radians(self.degrees)), np.sin(np.radians(self.degrees))
@@ -227,48 +229,43 @@ def under_weather(
     return dataclasses.replace(scene, layers=tuple(layers))
 
 
-class GivenGround(AbstractGround):
-    """Radiances without cloud of given rays, which must be laid in one piece.
+class _BrightGround(AbstractGround):
+    """Ground that is known by what leaves it at the top of the atmosphere."""
 
-    **Fields:** `radiances`: at the top of the atmosphere.
-    """
+    under_air: ClassVar[bool] = False
+
+    def seen(self, samples, reflective, emissive) -> Leaving:
+        given: ClearRadiances = samples.properties
+        reflected, emitted = given.reflective, given.emissive
+        if reflected is not None:
+            reflected = reflective.reflectance(reflected.T)
+        return Leaving(reflected, None if emitted is None else emitted.T)
+
+
+class GivenGround(_BrightGround):
+    """Radiances without cloud of given rays, which must be laid in one piece."""
 
     radiances: BandRadiances
-    under_air: ClassVar[bool] = False
 
     def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
         both = self.radiances.reflective, self.radiances.emissive
         given = ClearRadiances(*(None if x is None else x.T for x in both))
         return GroundSamples.of(places, hit, sun_direction, properties=given)
 
-    def seen(self, samples, reflective, emissive) -> Leaving:
-        given = samples.properties
-        reflected = given.reflective
-        if reflected is not None:
-            reflected = reflective.reflectance(reflected.T)
-        return Leaving(reflected, None if given.emissive is None else given.emissive.T)
 
-
-class PlacesGround(AbstractGround):
+class PlacesGround(_BrightGround):
     """Radiances without cloud that tell every place from all others."""
 
-    under_air: ClassVar[bool] = False
-
     def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
-        ramp = (places.latitude_deg + places.longitude_deg / 7)[:, None]
-        bands = ((reflective, 40.0), (emissive, 100.0))
-        given = ClearRadiances(
-            *(
-                None
-                if group is None
-                else jnp.asarray(level + ramp / 10 + np.arange(len(group.numbers)), float)
-                for group, level in bands
-            )
-        )
-        return GroundSamples.of(places, hit, sun_direction, properties=given)
+        ramp = (places.latitude_deg + places.longitude_deg / 7)[:, None] / 10
 
-    def seen(self, samples, reflective, emissive) -> Leaving:
-        return GivenGround.seen(self, samples, reflective, emissive)
+        def levels(bands, first):
+            if bands is None:
+                return None
+            return jnp.asarray(first + ramp + np.arange(len(bands.numbers)), float)
+
+        given = ClearRadiances(levels(reflective, 40.0), levels(emissive, 100.0))
+        return GroundSamples.of(places, hit, sun_direction, properties=given)
 
 
 def over(scene: Scene, background: BandRadiances) -> Scene:

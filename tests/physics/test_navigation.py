@@ -27,7 +27,9 @@ def _sampled(way):
 
 def _middles(rays: Rays):
     """Altitude and texture values at the middle of each step, [rays steps]."""
-    altitude, values = _sampled(CLOUD.navigate(rays, chords(rays, SHELL), Sampling(POINT)))
+    altitude, values = _sampled(
+        CLOUD.navigate(rays, chords(rays, SHELL), Sampling(POINT))
+    )
     return np.asarray(altitude), np.stack([np.asarray(v) for v in values])
 
 

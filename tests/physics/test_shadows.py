@@ -145,8 +145,9 @@ def test_the_step_cloud_of_i3rc(
     Henyey-Greenstein with g = 0.85, black ground; sun overhead, and at 60 degrees over
     the thin side, without absorption and with ω = 0.99. Expectation: relative error of
     the mean and root-mean-square error of the columns, of independent pixels and with
-    shadows of 6 steps from 5 points of each ray. Source: I3RC phase 1, case 1 (Cahalan et al. 2005, BAMS 86,
-    1275), consensus results. Tolerance: 0.003, how far other numbers of steps are.
+    shadows of 6 steps from 5 points of each ray. Source: I3RC phase 1, case 1 (Cahalan
+    et al. 2005, BAMS 86, 1275), consensus results. Tolerance: 0.003, how far other
+    numbers of steps are.
 
     With the sun overhead there is no shadow: what is wrong there is light that leaves
     thick columns sideways, which no ray to the sun can know of.

@@ -11,9 +11,9 @@ import pytest
 from scipy.stats import norm
 
 from cloudjax import FractalCloud, Latent, Perlin, Sampling, Shell
-from cloudjax.geometry.footprint import POINT
 from cloudjax.clouds.fractal import FractalSamples
 from cloudjax.clouds.texture import Unresolved
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import ecef, geodetic
 from cloudjax.geometry.path import Path, Profile
 from cloudjax.geometry.shells import chords

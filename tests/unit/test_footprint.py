@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cloudjax import Footprint, Rays, Shell
-from cloudjax.geometry.footprint import POINT
-from cloudjax.geometry.footprint import kind_of, kinds
+from cloudjax.geometry.footprint import POINT, kind_of, kinds
 from cloudjax.geometry.geodesy import ecef, up
 from tests.helpers import GEOSTATIONARY_M, geostationary_rays, limb_rays, rays_to
 
