@@ -238,6 +238,7 @@ class _BrightGround(AbstractGround):
         given: ClearRadiances = samples.properties
         reflected, emitted = given.reflective, given.emissive
         if reflected is not None:
+            assert reflective is not None
             reflected = reflective.reflectance(reflected.T)
         return Leaving(reflected, None if emitted is None else emitted.T)
 

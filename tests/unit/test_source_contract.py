@@ -350,6 +350,3 @@ def test_a_view_is_of_rays_and_of_no_parameter(source):
     names = _parameters(scene)
     changed = _changed(scene, names, np.full(len(names), 3.0))
     _assert_equal(_look(changed, rays), view)
-    _assert_equal(
-        radiances(scene, pickle.loads(pickle.dumps(view))), radiances(scene, view)
-    )
