@@ -229,46 +229,43 @@ def under_weather(
     return dataclasses.replace(scene, layers=tuple(layers))
 
 
-class GivenGround(AbstractGround):
-    """Radiances without cloud of given rays, which must be laid in one piece.
+class _BrightGround(AbstractGround):
+    """Ground that is known by what leaves it at the top of the atmosphere."""
 
-    **Fields:** `radiances`: at the top of the atmosphere.
-    """
+    under_air: ClassVar[bool] = False
+
+    def seen(self, samples, reflective, emissive) -> Leaving:
+        given: ClearRadiances = samples.properties
+        reflected, emitted = given.reflective, given.emissive
+        if reflected is not None:
+            assert reflective is not None
+            reflected = reflective.reflectance(reflected.T)
+        return Leaving(reflected, None if emitted is None else emitted.T)
+
+
+class GivenGround(_BrightGround):
+    """Radiances without cloud of given rays, which must be laid in one piece."""
 
     radiances: BandRadiances
-    under_air: ClassVar[bool] = False
 
     def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
         both = self.radiances.reflective, self.radiances.emissive
         given = ClearRadiances(*(None if x is None else x.T for x in both))
         return GroundSamples.of(places, hit, sun_direction, properties=given)
 
-    def seen(self, samples, reflective, emissive) -> Leaving:
-        given = samples.properties
-        reflected = given.reflective
-        if reflected is not None and reflective is not None:
-            reflected = reflective.reflectance(reflected.T)
-        return Leaving(reflected, None if given.emissive is None else given.emissive.T)
 
-
-class PlacesGround(GivenGround):
+class PlacesGround(_BrightGround):
     """Radiances without cloud that tell every place from all others."""
 
-    radiances: BandRadiances = BandRadiances(None, None)
-
     def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
-        ramp = (places.latitude_deg + places.longitude_deg / 7)[:, None]
-        bands = ((reflective, 40.0), (emissive, 100.0))
-        given = ClearRadiances(
-            *(
-                None
-                if group is None
-                else jnp.asarray(
-                    level + ramp / 10 + np.arange(len(group.numbers)), float
-                )
-                for group, level in bands
-            )
-        )
+        ramp = (places.latitude_deg + places.longitude_deg / 7)[:, None] / 10
+
+        def levels(bands, first):
+            if bands is None:
+                return None
+            return jnp.asarray(first + ramp + np.arange(len(bands.numbers)), float)
+
+        given = ClearRadiances(levels(reflective, 40.0), levels(emissive, 100.0))
         return GroundSamples.of(places, hit, sun_direction, properties=given)
 
 

@@ -72,7 +72,7 @@ def _emitted(scene: Scene, rays: Rays, behind=100.0) -> np.ndarray:
     return np.asarray(seen[0], float)
 
 
-def _behind(rays: Rays, level=100.0) -> np.ndarray:
+def _behind(rays: Rays, level: float | np.ndarray = 100.0) -> np.ndarray:
     """What is seen without cloud: nothing beside the Earth, for those who look up."""
     return np.where(rays.ground()[1], level, 0.0)
 

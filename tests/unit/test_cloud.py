@@ -50,6 +50,7 @@ def _samples(values, mask: Any = 0.0, altitude=2000.0, lost=(NOTHING, NOTHING)):
         ),
         up=jnp.ones((len(like), 3, 1)),
         texture_gradients=(jnp.zeros((len(like), 3, 1)),) * len(values),
+        steps=values[0].shape[-1],
     )
 
 

@@ -91,7 +91,9 @@ class CloudFunction(eqx.Module):
         """Of cloud in the middle of the layer under a mask, for normal textures."""
         thickness = (self.top_m - self.base_m) / self.barrier_scale_m
         barriers = 2 * self.barrier_strength * jnp.exp(-jnp.maximum(thickness, 0) / 2)
-        spread = jnp.sqrt(jnp.sum(self.weights**2) + self.smoothing**2)
+        variance = jnp.sum(self.weights**2) + self.smoothing**2
+        # The floor keeps the slope of the root finite where nothing varies.
+        spread = jnp.sqrt(jnp.maximum(variance, 1e-12))
         return ndtr((self.mask_gain * mask - barriers - self.threshold) / spread)
 
     def _barriers(self, altitude_m):

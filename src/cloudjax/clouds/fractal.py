@@ -77,6 +77,7 @@ class FractalSamples(eqx.Module):
     - `texture_values`, `unresolved`: of each texture.
     - `up`, `texture_gradients`: the vertical, and gradients per metre, at points in the
       middle of equal parts of the chord; None where no slopes are asked.
+    - `steps`: of the march that they were made for.
     """
 
     path: Path
@@ -85,16 +86,20 @@ class FractalSamples(eqx.Module):
     unresolved: tuple[Unresolved, ...]
     up: Float[Array, "rays 3 points"] | None
     texture_gradients: tuple[Float[Array, "rays 3 points"], ...] | None
+    steps: int = eqx.field(static=True)
 
     def on(self, path: Path, at: Float[Array, "rays points"]) -> "FractalSamples":
         """Read them at parts of the chord, 0 to 1, as if at another path's steps."""
+        # From the steps, for there they are the same however they are held.
+        marched = [Profile(v.in_steps(self.steps)) for v in self.texture_values]
         return FractalSamples(
             path=path,
             mask=Profile(self.mask.at(at)),
-            texture_values=tuple(Profile(v.at(at)) for v in self.texture_values),
+            texture_values=tuple(Profile(v.at(at)) for v in marched),
             unresolved=self.unresolved,
             up=None,
             texture_gradients=None,
+            steps=at.shape[-1],
         )
 
 
@@ -228,6 +233,7 @@ class FractalCloud(AbstractCloudSource):
             unresolved=tuple(unresolved),
             up=None if up is None else _held(up, steps, way.at_steps),
             texture_gradients=tuple(gradients) if slopes else None,
+            steps=steps,
         )
 
     def _gradient(self, way: FractalPath, texture: Texture, i: int, points: int):
