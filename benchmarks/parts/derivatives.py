@@ -9,10 +9,9 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 
-from cloudjax.workers import Worker, in_turns, median_seconds
-
 from .sizes import Context
 from .text import table
+from .workers import Worker, in_turns, median_seconds
 
 
 COUNT = 14

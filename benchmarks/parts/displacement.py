@@ -9,10 +9,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from cloudjax.workers import Worker, in_turns, median_seconds
-
 from .sizes import Context
 from .text import table
+from .workers import Worker, in_turns, median_seconds
 
 
 HOURS = 20.0

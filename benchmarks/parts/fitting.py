@@ -10,10 +10,9 @@ import jax
 import numpy as np
 from scipy.optimize import least_squares
 
-from cloudjax.workers import Worker
-
 from .sizes import Context
 from .text import table
+from .workers import Worker
 
 
 # Of a parameter, on its prior's scale: residuals in float32 hide smaller changes.

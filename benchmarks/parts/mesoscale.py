@@ -16,10 +16,9 @@ import numpy as np
 from peers import ours
 from scipy.stats import wasserstein_distance
 
-from cloudjax.workers import Worker, in_turns, load_peer, median_seconds
-
 from .sizes import Context
 from .text import table
+from .workers import Worker, in_turns, load_peer, median_seconds
 
 
 PEERS = {

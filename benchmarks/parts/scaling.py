@@ -7,10 +7,9 @@ from collections.abc import Callable
 from peers import ours
 from peers.problem import Problem
 
-from cloudjax.workers import Worker, in_turns
-
 from .sizes import Context
 from .text import table
+from .workers import Worker, in_turns
 
 
 NODES = 3

@@ -18,10 +18,9 @@ from peers.hard import hard_rays
 from peers.problem import SUN, Problem
 from scipy.stats import wasserstein_distance
 
-from cloudjax.workers import Worker, in_turns, load_peer, median_seconds
-
 from .sizes import Context, Sizes
 from .text import table
+from .workers import Worker, in_turns, load_peer, median_seconds
 
 
 PEERS = {
