@@ -1,4 +1,4 @@
-"""Write the table of `cloudjax.gases`: make_gases.py FOLDER [OUT]
+"""Write the table of `cloudjax.air.gases`: make_gases.py FOLDER [OUT]
 
 FOLDER holds `abi_srf` (spectral responses of the ABI). The source is LOWTRAN 7
 (Kneizys et al. 1988, AFGL-TR-88-0177; 20 cm⁻¹) with its six model atmospheres, whose
@@ -8,8 +8,8 @@ the project, for it needs a Fortran compiler: `apt install gfortran cmake`, then
 
 For each band the transmittance from 22 altitudes to space along 6 or 7 slants, averaged
 over the band's response with the light's spectrum, is fitted by
-`cloudjax.gases.optical_depth`. The errors are printed as a table for docs/air.md: of
-the transmittance, and in kelvin of a black body at the air's own temperature.
+`cloudjax.air.gases.optical_depth`. The errors are printed as a table for docs/air.md:
+of the transmittance, and in kelvin of a black body at the air's own temperature.
 """
 
 import importlib
@@ -44,7 +44,7 @@ BOLTZMANN, AVOGADRO, WATER_KG_MOL = 1.380649e-23, 6.02214076e23, 18.015e-3
 LOSCHMIDT = 2.6867811e25
 STEP_KM = 0.025
 HEADER = """\
-# Gases in the ABI bands: table of cloudjax.gases, by tools/make_gases.py from
+# Gases in the ABI bands: table of air/gases.py, by tools/make_gases.py from
 # LOWTRAN 7 (Kneizys et al. 1988). Optical depth of a slant of m airmasses,
 #
 #     tau = sum of a u/(1 + s u)^c + k m S,    u = m U P^n,
@@ -136,7 +136,7 @@ def _runs(lowtran, band: Band) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Columns:
-    """What is above each altitude, [atmospheres altitudes], as `cloudjax.gases`."""
+    """What is above each altitude, [atmospheres altitudes], as `cloudjax.air.gases`."""
 
     pressure: np.ndarray
     water: np.ndarray
@@ -276,7 +276,7 @@ def kelvin_error(known, found, atmospheres, wavenumber: float):
 
 def main() -> None:
     folder = Path(sys.argv[1])
-    default = Path(__file__).parents[1] / "src/cloudjax/gases.toml"
+    default = Path(__file__).parents[1] / "src/cloudjax/air/gases.toml"
     out = Path(sys.argv[2]) if len(sys.argv) > 2 else default
     lowtran = source()
     atmospheres = lowtran.mlatm

@@ -1,4 +1,4 @@
-"""Make fit/cloudjax_fit/embedded/land_share.npz: the share of land in 0.1 degree cells.
+"""Make scenes/cloudjax_scenes/land_share.npz: the share of land in 0.1 degree cells.
 
 Needs the package `global-land-mask` (MIT), which holds which of the 30 arc second cells
 of GLOBE (GLOBE Task Team 1999, NOAA, public domain) are sea, and 2 GB of memory.

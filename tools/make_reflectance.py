@@ -1,4 +1,4 @@
-"""Fit the networks of `cloudjax.reflectance` to the doubling method, in three steps.
+"""Fit the networks of `light/reflectance.py` to the doubling method, in three steps.
 
     make_reflectance.py teach OUT.npz [--first SEED] [--slabs N]    about 40 ms a slab
     make_reflectance.py train TEACH.npz... [--steps N]              writes the table
@@ -27,7 +27,7 @@ from cloudjax.light.reflectance import PlaneParallel
 from cloudjax.light.reflection import slab
 
 
-TABLE = Path(__file__).parents[1] / "src/cloudjax/reflectance.npz"
+TABLE = Path(__file__).parents[1] / "src/cloudjax/light/reflectance.npz"
 DEPTHS, ANGLES, AZIMUTHS = 18, 12, 2
 SUN, VIEW = np.triu_indices(ANGLES)
 
