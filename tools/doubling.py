@@ -36,7 +36,7 @@ class Slabs:
 
 @dataclass(frozen=True)
 class Phase:
-    """One of the phase functions of `cloudjax.phase`, independent of its code.
+    """One of the phase functions of `cloudjax.light.phase`, independent of its code.
 
     **Fields:** `kind`: 0 for Henyey-Greenstein, 1 for Cornette-Shanks, 2 for double
     HG; `first`, `second`, `share`: asymmetries of the lobes, share of the first.

@@ -1,4 +1,4 @@
-"""Write the table of `cloudjax.optics`: make_optics.py FOLDER [OUT]
+"""Write the table of `cloudjax.light.optics`: make_optics.py FOLDER [OUT]
 
 FOLDER holds `abi_srf` (spectral responses of the ABI) and `optics` (refractive index of
 water of Segelstein 1981; the coefficients of Fu 1996 and Fu et al. 1998 for ice, in the
@@ -143,7 +143,7 @@ def mean_optics(single, folder: Path, radii_um: np.ndarray, kelvin: float):
 
 
 HEADER = """\
-# Cloud particles in the ABI bands: table of cloudjax.optics, by tools/make_optics.py.
+# Cloud particles in the ABI bands: table of light/optics.py, by tools/make_optics.py.
 #
 # Rows: sunlight in bands 1 to 7, then emission in bands 7 to 16. Columns: effective
 # radii. extinction in m2 per gram of condensate; co_albedo is 1 - single-scattering

@@ -1,4 +1,4 @@
-"""Fit the networks of `cloudjax.reflectance` to the doubling method, in three steps.
+"""Fit the networks of `light/reflectance.py` to the doubling method, in three steps.
 
     make_reflectance.py teach OUT.npz [--first SEED] [--slabs N]    about 40 ms a slab
     make_reflectance.py train TEACH.npz... [--steps N]              writes the table
