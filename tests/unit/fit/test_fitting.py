@@ -16,6 +16,7 @@ from tests.small_fits import (
     small_target,
 )
 
+from cloudjax import FractalCloud
 from cloudjax_fit import fit, scene_parameters
 from cloudjax_fit.fitting import FitResult, FitSettings, draw_starts
 from cloudjax_fit.objective import (
@@ -110,7 +111,9 @@ def test_the_image_is_the_scene_of_the_values_that_are_told(result):
     assert {p.name: p.default for p in result.held}["low.top"] == 900.0
     values = jnp.asarray([e.value for e in result.estimates])
     scene = put_all(_defaults(result), found, values)
-    assert float(scene.layers[0].cloud.function.top_m) == 900.0
+    cloud = scene.layers[0].cloud
+    assert isinstance(cloud, FractalCloud)
+    assert float(cloud.function.top_m) == 900.0
     image = simulate_image(scene, result.made_of, RESOLUTION)
     np.testing.assert_allclose(result.image.radiance, image.radiance, rtol=1e-4)
     moved = np.abs(result.image.radiance / result.start.radiance - 1)

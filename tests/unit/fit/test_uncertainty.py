@@ -157,6 +157,7 @@ def test_what_the_data_leave_open_is_named(found):
     estimates, said = found
     direction = np.array([1 / 0.4, MASK / 0.25])
     direction /= np.linalg.norm(direction)
+    assert said
     sentence = said[0]  # the least known comes first
     terms = re.findall(r"([+-][\d.]+) ([a-z]\S+)", sentence)
     named = {name: float(number) for number, name in terms}

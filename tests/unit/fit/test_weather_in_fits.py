@@ -16,6 +16,7 @@ from tests.small_fits import (
     small_target,
 )
 
+from cloudjax import FractalCloud
 from cloudjax_data import open_folder, read_weather
 from cloudjax_fit.fit_inputs import read_analysis, read_inputs
 from cloudjax_fit.objective import pose
@@ -120,11 +121,14 @@ def test_the_analysis_of_a_scene_is_the_nearest_in_time(windowed):
 
 
 def test_a_scene_with_weather_is_drawn_and_warmed_by_it(windowed):
-    layers = read_inputs(windowed).made_of.build().layers
-    maps = [layer.cloud.displacements for layer in layers]
-    assert all(all(m is not None for m in some) for some in maps)
-    still = read_inputs(windowed, ignore_weather=True).made_of.build()
-    assert all(layer.cloud.displacements is None for layer in still.layers)
+    drawn = _clouds(read_inputs(windowed).made_of.build())
+    assert all(m is not None for cloud in drawn for m in cloud.displacements or [None])
+    still = _clouds(read_inputs(windowed, ignore_weather=True).made_of.build())
+    assert all(cloud.displacements is None for cloud in still)
+
+
+def _clouds(scene) -> list[FractalCloud]:
+    return [layer.cloud for layer in scene.layers]
 
 
 def test_a_weather_mask_replaces_the_clouds_of_the_imagery(windowed):
@@ -145,6 +149,6 @@ def test_views_of_a_fit_hold_no_maps():
     problem, _ = pose(
         target, made_of.build(), (), rays=50, seed=0, resolution=RESOLUTION
     )
-    cloud = problem.scene.layers[0].cloud
+    (cloud,) = _clouds(problem.scene)
     assert cloud.mask is None
     assert not jax.tree.leaves(cloud.displacements)

@@ -97,6 +97,8 @@ def test_clouds_colder_than_the_air_at_4_km_are_high(tmp_path):
 def test_the_threshold_is_that_of_the_class(tmp_path):
     classes = imagery_classes()
     high, low = classes["cirrus"], classes["low_stratus"]
+    assert high.imagery is not None
+    assert low.imagery is not None
     moved = {
         "cirrus": replace(
             high, imagery=replace(high.imagery, colder_than_standard_at_m=6000.0)
