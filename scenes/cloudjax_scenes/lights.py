@@ -62,7 +62,7 @@ class Light:
 
 
 # All extinction sends light back, which is (1 - g)/2 of it for g = 0.85
-# (docs/paper.md).
+# (docs/theory/paper.md).
 PAPER = Light("paper", (1 - 0.85) / 2, lambda: TwoFlux(indirect=jnp.asarray(0.3)))
 PHYSICAL = Light(
     "physical",

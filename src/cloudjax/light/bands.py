@@ -69,7 +69,7 @@ class Band:
 
     @property
     def units(self) -> str:
-        """Of the radiance."""
+        """Give the units of the radiance."""
         return REFLECTIVE_UNITS if self.reflective else EMISSIVE_UNITS
 
     def coefficients(self, earth_sun_distance_au: float = 1.0) -> dict[str, float]:

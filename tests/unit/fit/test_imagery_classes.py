@@ -29,7 +29,7 @@ def test_stratus_is_that_of_the_literature():
     """Thickness, water and depth where the textures are one deviation above zero.
 
     CF = 0 where cosh(Δz/h) = (1 - T) over the least barrier. 200 to 400 m, 0.2 to 0.6
-    g/m³, optical depths of 5 to 20: Wood (2012), as in docs/light.md.
+    g/m³, optical depths of 5 to 20: Wood (2012), as in docs/theory/light.md.
     """
     one = PHYSICAL["low_stratus"]
     above = (1 - one.threshold) / _least_barrier(one)
