@@ -4,6 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from tests.scenes import write_scene
 
 import cloudjax_data
 from cloudjax_data import DataError
@@ -42,14 +43,16 @@ def test_packed_simulated_files_are_unpacked(tmp_path):
     np.testing.assert_array_equal(read_radiances(tmp_path / "s.nc")[13].values, image)
 
 
-def test_folders_are_read_by_the_data_package(tmp_path, monkeypatch):
-    band = SimpleNamespace(number=2, units=VISIBLE, radiance=np.ones((2, 2)))
-    scene = SimpleNamespace(bands={2: band})
-    folder = SimpleNamespace(read=lambda: scene)
-    monkeypatch.setattr(cloudjax_data, "open_folder", lambda path: folder)
-    found = read_radiances(str(tmp_path))
-    assert found[2].units == VISIBLE
-    assert found[2].values.shape == (2, 2)
+def test_folders_and_their_files_hold_what_their_reader_finds(tmp_path):
+    folder = write_scene(tmp_path / "scene", bands=(1, 13))
+    found = read_radiances(str(folder))
+    assert list(found) == [1, 13]
+    for file in folder.glob("*.nc"):
+        band = cloudjax_data.read_band(file)
+        (alone,) = read_radiances(file).values()
+        for read in (found[band.number], alone):
+            assert (read.number, read.units) == (band.number, band.units)
+            np.testing.assert_array_equal(read.values, band.radiance)
 
 
 @pytest.mark.parametrize(
