@@ -84,6 +84,16 @@ def test_grazing_rays_have_more_knots_and_cross_twice():
     assert below.footprint.length_m > 4 * below.footprint.width_m
 
 
+def test_a_layer_is_crossed_twice_by_rays_that_never_leave_the_air_of_all():
+    """A ray that passes at 2 km, in a lower layer, crosses a higher one twice."""
+    air, low, high = Shell(1e3, 7e3), Shell(1e3, 2200.0), Shell(5e3, 7e3)
+    rays = limb_rays(500.0, 2e3, 3e3, 6e3, 1e5)
+    assert kinds(rays, air)[:, 6].tolist() == [1, 0, 0, 0, 0]
+    assert kinds(rays, air, (low, high))[:, 6].tolist() == [1, 1, 1, 0, 0]
+    steep = _to(0, 0)
+    np.testing.assert_array_equal(kinds(steep, air, (low, high)), kinds(steep, air))
+
+
 @pytest.mark.parametrize("latitude", [90.0, -90.0])
 def test_kinds_are_finite_at_the_poles_and_off_the_earth(latitude):
     place = np.array([latitude]), np.array([0.0])

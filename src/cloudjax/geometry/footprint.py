@@ -5,15 +5,15 @@ averaged once. The kinds are cells of a fixed grid in size and orientation, so t
 same pixel gets the same textures however an image is cut into tiles.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from .geodesy import GRS80, Ellipsoid, dot, vertical
 from .rays import Rays
-from .shells import Shell, both_chords
+from .shells import Shell, both_chords, meets_ground
 
 
 # Widths of one kind agree within a factor of √2, lengths over widths within 2, and
@@ -125,7 +125,7 @@ class Kind:
     - `footprint`: of their pixels.
     - `knots`: points of a chord between which winds and masks are taken for linear; 0
       of rays that miss all air.
-    - `twice`: whether they cross the shell a second time.
+    - `twice`: whether they cross a shell a second time.
     """
 
     footprint: Footprint
@@ -139,11 +139,18 @@ class Kind:
 
 
 def kinds(
-    rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80
+    rays: Rays,
+    shell: Shell,
+    layers: Sequence[Shell] = (),
+    ellipsoid: Ellipsoid = GRS80,
 ) -> Int[np.ndarray, "rays 7"]:
     """Sort rays into kinds, each a cell of the fixed grid; `kind_of` reads a row.
 
-    **Arguments:** `shell`: the air that holds all cloud.
+    **Arguments:**
+
+    - `shell`: the air that holds all cloud.
+    - `layers`: the shells within it. A ray that never leaves that air may cross one of
+      them a second time.
     """
     chord, again = both_chords(rays, shell, ellipsoid)
     middle = chord.entry_m + chord.length_m / 2
@@ -161,10 +168,24 @@ def kinds(
             rung,
             *np.where(rung > 0, _nearest_direction(along).T, 0),
             np.where(far > _KNOT_SPACING_M, _MANY_KNOTS, 2) * (chord.length_m > 0),
-            again.length_m > 0,
+            (again.length_m > 0) | _crosses_twice(rays, layers, ellipsoid),
         ],
         axis=-1,
     ).astype(np.int64)
+
+
+def _crosses_twice(
+    rays: Rays, layers: Sequence[Shell], ellipsoid: Ellipsoid
+) -> Bool[np.ndarray, " rays"]:
+    twice = np.zeros(len(rays), bool)
+    if len(layers) < 2:
+        # One layer is all of the air.
+        return twice
+    passing = np.flatnonzero(~meets_ground(rays, ellipsoid))
+    for layer in layers:
+        again = both_chords(rays[passing], layer, ellipsoid)[1]
+        twice[passing] |= again.length_m > 0
+    return twice
 
 
 def kind_of(row: Int[np.ndarray, "7"]) -> Kind:

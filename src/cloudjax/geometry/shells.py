@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .geodesy import GRS80, Ellipsoid, intersect
 from .rays import Rays
@@ -57,7 +57,7 @@ def both_chords(
     """
     near, far, hits = _cut(rays, ellipsoid.raised(shell.top_m))
     floor_near, floor_far, hits_floor = _cut(rays, ellipsoid.raised(shell.bottom_m))
-    grounded = _meets_ground(rays, ellipsoid)
+    grounded = meets_ground(rays, ellipsoid)
     below = hits_floor & (floor_near <= 0) & (floor_far > 0)
     start = np.where(below, floor_far, np.maximum(near, 0))
     end = np.where(hits_floor & (floor_near > 0), floor_near, far)
@@ -74,7 +74,8 @@ def _cut(rays: Rays, ellipsoid: Ellipsoid):
     return intersect(rays.origin_m, rays.direction, ellipsoid)
 
 
-def _meets_ground(rays: Rays, ellipsoid: Ellipsoid):
+def meets_ground(rays: Rays, ellipsoid: Ellipsoid = GRS80) -> Bool[np.ndarray, " rays"]:
+    """Tell which rays end on the ground, from wherever the sensor stands."""
     # The middle of its chord tells ahead from behind even where the sensor stands on
     # the ground.
     near, far, hits = _cut(rays, ellipsoid)

@@ -285,7 +285,7 @@ def _jobs(
         some = some_rays(sight, filled)
         return _Batch(index, look_around(scene, some, sun_direction), None)
 
-    every = list(sorted_by_kind(scene.shell, sight, count))
+    every = list(sorted_by_kind(scene, sight, count))
     with ThreadPoolExecutor(1) as ahead:
         textures: dict[Footprint, Future] = {}
         for i, (kind, members) in enumerate(every):

@@ -7,7 +7,7 @@ from jaxtyping import Int
 
 from cloudjax.geometry.footprint import Kind, grouped, kinds
 from cloudjax.geometry.rays import Rays
-from cloudjax.geometry.shells import Shell
+from cloudjax.march.scene import Scene
 from cloudjax.march.view import tiles
 from cloudjax.workers import each
 
@@ -24,16 +24,14 @@ def some_rays(sight: Rays | Sight, index: Int[np.ndarray, " some"]) -> Rays:
 
 
 def sorted_by_kind(
-    shell: Shell, sight: Rays | Sight, count: int
+    scene: Scene, sight: Rays | Sight, count: int
 ) -> Iterator[tuple[Kind, Int[np.ndarray, " rays"]]]:
-    """Give each kind of ray and the numbers of its rays.
-
-    **Arguments:** `shell`: the air that holds all cloud.
-    """
+    """Give each kind of ray and the numbers of its rays."""
 
     def rows_from(start: int) -> Int[np.ndarray, "rays 7"]:
         numbers = np.arange(start, min(start + _SORTED_AT_ONCE, count))
-        return kinds(some_rays(sight, numbers), shell).astype(np.int16)
+        some = some_rays(sight, numbers)
+        return kinds(some, scene.shell, scene.shells).astype(np.int16)
 
     rows = np.concatenate([*each(range(0, count, _SORTED_AT_ONCE), rows_from)])
     rows[rows[:, 5] == 0] = 0

@@ -132,9 +132,14 @@ class Scene(eqx.Module):
             raise ValueError("A scene without bands shows nothing: ask at least one.")
 
     @property
+    def shells(self) -> tuple[Shell, ...]:
+        """The air that holds the cloud of each layer."""
+        return tuple(layer.cloud.shell for layer in self.layers)
+
+    @property
     def shell(self) -> Shell:
         """The air that holds all cloud."""
-        shells = [layer.cloud.shell for layer in self.layers]
+        shells = self.shells
         if not shells:
             return Shell(0.0, 10e3)
         return Shell(min(s.bottom_m for s in shells), max(s.top_m for s in shells))

@@ -154,7 +154,7 @@ def require_concrete(scene: Any, name: str, remedy: str) -> None:
 
 def _groups(scene: Scene, rays: Rays):
     """Rays of one kind each, and how what they need is held alike for all."""
-    rows = kinds(rays, scene.shell)
+    rows = kinds(rays, scene.shell, scene.shells)
     misses = rows[:, 5] == 0
     # Rays that miss all air read nothing: they go with whatever kind there is.
     rows[misses] = rows[~misses][0] if not misses.all() else 0
