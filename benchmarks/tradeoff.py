@@ -72,7 +72,7 @@ def run_fits(target: Target) -> tuple[list[dict], Scene]:
     scene, parameters = made_of.build(), scene_parameters(made_of)
     rows = []
     for rays in RAYS:
-        problem, _ = pose(target, made_of, scene, parameters, rays=rays, seed=0)
+        problem, _ = pose(target, scene, parameters, rays=rays, seed=0)
         solver = Solver(problem)
         found = solver(problem, unbounded_of(parameters))
         fitted = put_all(scene, parameters, values_of(parameters, jnp.asarray(found.z)))

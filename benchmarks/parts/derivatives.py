@@ -101,7 +101,7 @@ def make_problem(rays: int):
         and not p.name.endswith("infrared_ratio")
     ]
     assert len(shapes) == COUNT
-    problem, _ = pose(target, made_of, made_of.build(), shapes, rays=rays, seed=0)
+    problem, _ = pose(target, made_of.build(), shapes, rays=rays, seed=0)
     return problem, shapes
 
 

@@ -47,7 +47,7 @@ def _pose(rays: int):
     target = embedded_target()
     made_of = SceneFromImagery(target.imagery)
     parameters = scene_parameters(made_of)
-    problem, _ = pose(target, made_of, made_of.build(), parameters, rays=rays, seed=0)
+    problem, _ = pose(target, made_of.build(), parameters, rays=rays, seed=0)
     return problem, unbounded_of(parameters)
 
 
