@@ -8,9 +8,8 @@ settings = FitSettings(
 )  # small: a minute or two, mostly compiling
 result = fit(target, settings=settings)
 for number, distance in result.distances_fit.items():
-    print(
-        f"C{number:02d} {target.bands[number].units}: W1/std {distance.w1_over_std:.3f}"
-    )
+    band = target.imagery.bands[number]
+    print(f"{band.name} {band.units}: W1/std {distance.w1_over_std:.3f}")
 for estimate in result.estimates:
     print(estimate.parameter.name, estimate.value, estimate.std, estimate.determined)
 print(result.status)  # ten steps do not converge, and the status says so
