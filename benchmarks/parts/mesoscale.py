@@ -30,7 +30,7 @@ PEERS = {
 def run(context: Context) -> dict:
     from peers.demo import Demo
 
-    sizes, demo = context.sizes, Demo(context.sizes.truth_voxels // 2)
+    sizes, demo = context.sizes, Demo(context.sizes.mesoscale_voxels)
     pixels = np.sort(
         np.random.default_rng(0).permutation(demo.count)[: sizes.truth_pixels // 2]
     )
@@ -41,7 +41,7 @@ def run(context: Context) -> dict:
     with tempfile.TemporaryDirectory() as folder:
         file = _write(demo.picture(demo.rays(), sizes.mesoscale_steps), folder)
         workers = [Worker(load_peer, PEERS[name][1], file) for name in peers]
-        workers.append(Worker(load_ours, demo, sizes.mesoscale_presets))
+        workers.append(Worker(load_ours, demo.voxels, sizes.mesoscale_presets))
         first = [worker.run("render") for worker in workers]
         runs = in_turns([(worker, "render") for worker in workers], sizes.repeats)
         peaks = [worker.close() for worker in workers]
@@ -60,7 +60,7 @@ def run(context: Context) -> dict:
         entry = {"name": name, "seconds": march, "everything_seconds": march + view}
         entry |= {"peak_mb": peaks[-1], "compile_seconds": found["compile"][name]}
         entries.append(entry | errors(image[:, pixels], truths["cloudjax"]))
-    return {"entries": entries}
+    return {"voxels": demo.voxels, "entries": entries}
 
 
 def make_truths(demo, pixels, sizes) -> dict[str, np.ndarray]:
@@ -81,7 +81,10 @@ def make_truths(demo, pixels, sizes) -> dict[str, np.ndarray]:
     }
 
 
-def load_ours(demo, presets) -> dict[str, Callable]:
+def load_ours(voxels: int, presets) -> dict[str, Callable]:
+    from peers.demo import Demo
+
+    demo = Demo(voxels)
     scenes = {ours.name_of(p): demo.scene(*p) for p in presets}
     return {"render": ours.Marching(demo.sight(), scenes).run}
 
@@ -119,5 +122,5 @@ def tables(found: dict) -> str:
         ]
         for e in found["entries"]
     ]
-    title = "### Mesoscale scene, 500², 128³, two layers, three bands"
+    title = f"### Mesoscale scene, 500², {found['voxels']}³, two layers, three bands"
     return "\n".join([title, "", table(head, lines), ""])

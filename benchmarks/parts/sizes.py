@@ -16,7 +16,8 @@ class Sizes:
     - `presets`: steps and nodes of cloudjax.
     - `truth_pixels`, `truth_parts`, `truth_steps`, `truth_voxels`: a random choice of
       pixels, hard rays per pixel and axis, steps, voxels per axis.
-    - `mesoscale_steps`, `mesoscale_presets`: of the peers and of cloudjax.
+    - `mesoscale_voxels`: per axis; `mesoscale_steps`, `mesoscale_presets`: of the peers
+      and of cloudjax.
     - `map_degrees`, `map_steps`: of the displacement map.
     - `fit_rays`, `fit_evaluations`: of a fit, and how often scipy's may look.
     - `scan_pixels`, `scan_steps`, `scan_layers`, `scan_bands`: the first of each is
@@ -37,6 +38,8 @@ class Sizes:
     truth_parts: int = 8
     truth_steps: int = 200
     truth_voxels: int = 256
+    # The fewest that hold all octaves of its classes.
+    mesoscale_voxels: int = 128
     mesoscale_steps: int = 24
     mesoscale_presets: tuple[tuple[int, int], ...] = ((6, 3), (12, 3), (24, 5))
     map_degrees: float = 0.25
@@ -58,6 +61,8 @@ QUICK = Sizes(
     truth_parts=2,
     truth_steps=16,
     truth_voxels=32,
+    mesoscale_steps=6,
+    mesoscale_presets=((6, 3),),
     map_degrees=5.0,
     map_steps=8,
     fit_rays=256,

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from cloudjax import BandRadiances, Latent, MaskGrid, Rays, Scene, Weather
+from cloudjax import BandRadiances, Latent, MaskGrid, Rays, Scene, render
 from cloudjax_data import sun_direction
 from cloudjax_fit.embedded import embedded_target
 from cloudjax_scenes import SceneFromImagery
@@ -48,21 +48,8 @@ class Demo:
         columns = (column[:, None] * parts + b).ravel()
         return fine.rays(rows * fine.shape[1] + columns)
 
-    def behind(self, rays: Rays) -> BandRadiances:
-        return self._made_of.background(rays)
-
-    def weather(self) -> Weather:
-        return self._made_of.weather()
-
     def sight(self) -> Sight:
-        rays = self.rays()
-        return Sight(
-            self.rays,
-            self.sun,
-            self.weather(),
-            self.voxels,
-            lambda index: self.behind(rays[index]),
-        )
+        return Sight(self.rays, self.sun, self.voxels)
 
     def scene(self, steps: int, nodes: int) -> Scene:
         scene = dataclasses.replace(self._made_of, steps=steps).build()
@@ -75,14 +62,15 @@ class Demo:
         )
         return dataclasses.replace(scene, layers=layers)
 
+    def clear(self, rays: Rays) -> BandRadiances:
+        """What the rays see without cloud."""
+        bare = dataclasses.replace(self.scene(1, 1), layers=())
+        return render(bare, rays, self.sun).radiances
+
     def picture(self, rays: Rays, steps: int) -> Picture:
         """The same for the peers, in reflectance factors and radiance."""
-        scene, weather = self.scene(steps, 1), self.weather()
-        assert weather.masks is not None
-        pairs = sorted(
-            zip(scene.layers, weather.masks, strict=True),
-            key=lambda pair: pair[0].cloud.shell.bottom_m,
-        )
+        scene, clear = self.scene(steps, 1), self.clear(rays)
+        layers = sorted(scene.layers, key=lambda layer: layer.cloud.shell.bottom_m)
         works = tuple(
             Work(
                 origin_m=np.array(rays.origin_m[0]),
@@ -91,32 +79,28 @@ class Demo:
                 indirect=float(scene.reflection.indirect),
                 clouds=clouds_of(
                     layer.cloud,
-                    around(mask),
+                    around(layer.cloud.mask),
                     float(layer.extinction_per_m),
                     self.voxels,
                 ),
                 steps=steps,
             )
-            for layer, mask in pairs
+            for layer in layers
         )
-        behind, reflective = self.behind(rays), scene.reflective
-        p = scene.emissive
+        reflective, p = scene.reflective, scene.emissive
         return Picture(
             layers=works,
             depths_per_m=np.array(
-                [
-                    [*layer.sunlit_per_m, layer.absorptions_per_m[0]]
-                    for layer, _ in pairs
-                ],
+                [[*layer.sunlit_per_m, layer.absorptions_per_m[0]] for layer in layers],
                 np.float32,
             ),
             shares=np.array(
-                [1 - np.sqrt(1 - (1 - layer.co_albedo) ** 2) for layer, _ in pairs]
+                [1 - np.sqrt(1 - (1 - layer.co_albedo) ** 2) for layer in layers]
             ),
             planck=np.array([float(x[0]) for x in (p.fk1, p.fk2, p.bc1, p.bc2)]),
             air=np.array(reflective.path),
             behind=np.concatenate(
-                [reflective.reflectance(behind.reflective), behind.emissive]
+                [reflective.reflectance(clear.reflective), clear.emissive]
             ),
         )
 
