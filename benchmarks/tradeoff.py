@@ -13,7 +13,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import jax
@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from cloudjax import Scene, render
+from cloudjax import Scene, prepare, render
 from cloudjax_data import sun_direction
 from cloudjax_fit.embedded import embedded_target
 from cloudjax_fit.fitting import versions
@@ -101,36 +101,33 @@ def _w1_over_std(target: Target, image: SimulatedImage) -> dict[int, float]:
 
 def run_renderings(target: Target, scene: Scene) -> list[dict]:
     """Each case once for its image and to compile, then all of them in turns."""
-    made_of, grid = SceneFromImagery(target.imagery), target.imagery.grid
+    grid = target.imagery.grid
     every = grid.rays()
     _, hit = every.ground(grid.ellipsoid)
     rays = every[np.flatnonzero(hit)[::THINNING]]
-    sun, weather = sun_direction(made_of.imagery.time), made_of.weather()
-    behind = made_of.background(rays)
+    sun = sun_direction(target.imagery.time)
 
-    def run(steps: int, resolution: int) -> np.ndarray:
-        seen = render(
-            with_steps(scene, steps),
-            rays,
-            sun,
-            lambda index: jax.tree.map(lambda x: x[:, index], behind),
-            weather,
-            resolution=resolution,
-        )
-        return np.asarray(scene.total(seen.radiances), np.float64)
+    def prepared(steps: int, resolution: int) -> Callable[[], np.ndarray]:
+        of_steps = with_steps(scene, steps)
+        image = prepare(of_steps, rays, sun, resolution=resolution)
 
-    truth = run(*REFERENCE)
-    cases = [(steps, resolution) for resolution in RESOLUTIONS for steps in STEPS]
+        def run() -> np.ndarray:
+            seen = render(of_steps, image)
+            return np.asarray(scene.total(seen.radiances), np.float64)
+
+        return run
+
+    truth = prepared(*REFERENCE)()
+    cases = {(n, voxels): prepared(n, voxels) for voxels in RESOLUTIONS for n in STEPS}
     rows = [
-        {"steps": steps, "resolution": resolution}
-        | _errors(scene.bands, run(steps, resolution), truth)
-        for steps, resolution in cases
+        {"steps": steps, "resolution": voxels} | _errors(scene.bands, run(), truth)
+        for (steps, voxels), run in cases.items()
     ]
     seconds = {case: [] for case in cases}
     for _ in range(REPEATS):
-        for case in cases:
+        for case, run in cases.items():
             started = time.perf_counter()
-            run(*case)
+            run()
             seconds[case].append(time.perf_counter() - started)
     for row, case in zip(rows, cases, strict=True):
         row["seconds"] = statistics.median(seconds[case])
