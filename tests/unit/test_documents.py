@@ -1,4 +1,7 @@
-"""What the documents name exists: links, commands and options, modules and names."""
+"""What documents name exists: links, commands and options, modules and names.
+
+So does what scripts import.
+"""
 
 import ast
 import functools as ft
@@ -19,6 +22,7 @@ PAGES = sorted(
 )
 # What a changelog names may be gone.
 PRESENT = [page for page in PAGES if page.name != "CHANGELOG.md"]
+SCRIPTS = sorted(p for d in ("benchmarks", "tools") for p in (ROOT / d).rglob("*.py"))
 PACKAGES = ("src", "data_fetch", "scenes", "fit", "cli")
 OFFERING = ("cloudjax", "cloudjax_data", "cloudjax_scenes", "cloudjax_fit")
 SOURCES = (*PACKAGES, "tests", "tools", "benchmarks")
@@ -235,14 +239,25 @@ def test_members_of_public_classes_exist(page):
                 assert match[2] in fields or hasattr(found, match[2]), f"`{code}`"
 
 
+def _check_imports(code: str) -> None:
+    """Find what is imported from the packages, at the top or within functions."""
+    for node in ast.walk(ast.parse(code)):
+        module = getattr(node, "module", None) or ""
+        if isinstance(node, ast.ImportFrom) and module.startswith("cloudjax"):
+            for alias in node.names:
+                _resolve(f"{module}.{alias.name}")
+
+
 @each_present_page
 def test_examples_import_what_exists(page):
     for code in _blocks(page, "python"):
-        for node in ast.walk(ast.parse(code)):
-            module = getattr(node, "module", None) or ""
-            if isinstance(node, ast.ImportFrom) and module.startswith("cloudjax"):
-                for alias in node.names:
-                    _resolve(f"{module}.{alias.name}")
+        _check_imports(code)
+
+
+@_each(SCRIPTS)
+def test_scripts_import_what_exists(page):
+    """They take minutes, and some need what is not installed: no test runs them all."""
+    _check_imports(page.read_text("utf-8"))
 
 
 def _is_file(word: str) -> bool:
