@@ -5,7 +5,12 @@ from pathlib import Path
 
 import click
 
-from .options import bands_option, classes_option, ignore_weather_option
+from .options import (
+    bands_option,
+    classes_option,
+    ignore_weather_option,
+    resolution_option,
+)
 
 
 class Place(click.ParamType):
@@ -31,7 +36,7 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 @click.option("-o", "--output", required=True, metavar="OUT.nc")
 @bands_option
 @click.option("--steps", type=int, help="Through each cloud shell.")
-@click.option("--resolution", type=int, help="Voxels per axis.")
+@resolution_option
 @click.option("--seed", type=int, help="Of the clouds.")
 @click.option(
     "--light",
@@ -122,9 +127,7 @@ def _render_scene(scene: str, path: Path, bands, options) -> None:
     inputs = read_inputs(
         scene,
         bands=bands,
-        options={
-            name: options[name] for name in ("steps", "resolution", "seed", "light")
-        },
+        options={name: options[name] for name in ("steps", "seed", "light")},
         classes=options["classes"],
         fitted=None if file is None else read_parameters(file),
         ignore_weather=options["ignore_weather"],
@@ -153,9 +156,7 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
     if not weather:
         raise click.UsageError(f"{sensor} needs clouds: give --weather GFS.grib2")
     world = _world(weather, options)
-    resolution = 128 if options["resolution"] is None else options["resolution"]
-    world.require_resolution(resolution)
-    _render_frames(world, view, chosen, path, options, resolution, quantities)
+    _render_frames(world, view, chosen, path, options, quantities)
 
 
 def _world(weather, options):
@@ -169,7 +170,7 @@ def _world(weather, options):
     )
 
 
-def _render_frames(world, view, chosen, path, options, resolution, quantities) -> None:
+def _render_frames(world, view, chosen, path, options, quantities) -> None:
     from cloudjax_scenes.image_strips import render_strips, write_strips
 
     from .progress import tile_progress
@@ -182,15 +183,7 @@ def _render_frames(world, view, chosen, path, options, resolution, quantities) -
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
         file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
         with tile_progress(file.name) as on_tile:
-            images = render_strips(
-                world,
-                view,
-                chosen,
-                time,
-                air,
-                resolution=resolution,
-                on_tile=on_tile,
-            )
+            images = render_strips(world, view, chosen, time, air, on_tile=on_tile)
             write_strips(file, images, world, quantities)
         click.echo(f"{file} and {file.with_suffix('.png')}")
 
