@@ -5,12 +5,7 @@ from pathlib import Path
 
 import click
 
-from .options import (
-    bands_option,
-    classes_option,
-    ignore_weather_option,
-    resolution_option,
-)
+from .options import bands_option, classes_option, ignore_weather_option
 
 
 class Place(click.ParamType):
@@ -36,7 +31,7 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 @click.option("-o", "--output", required=True, metavar="OUT.nc")
 @bands_option
 @click.option("--steps", type=int, help="Through each cloud shell.")
-@resolution_option
+@click.option("--resolution", type=int, help="Voxels per axis.")
 @click.option("--seed", type=int, help="Of the clouds.")
 @click.option(
     "--light",
@@ -127,7 +122,9 @@ def _render_scene(scene: str, path: Path, bands, options) -> None:
     inputs = read_inputs(
         scene,
         bands=bands,
-        options={name: options[name] for name in ("steps", "seed", "light")},
+        options={
+            name: options[name] for name in ("steps", "resolution", "seed", "light")
+        },
         classes=options["classes"],
         fitted=None if file is None else read_parameters(file),
         ignore_weather=options["ignore_weather"],
@@ -156,7 +153,9 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
     if not weather:
         raise click.UsageError(f"{sensor} needs clouds: give --weather GFS.grib2")
     world = _world(weather, options)
-    _render_frames(world, view, chosen, path, options, quantities)
+    resolution = 128 if options["resolution"] is None else options["resolution"]
+    world.require_resolution(resolution)
+    _render_frames(world, view, chosen, path, options, resolution, quantities)
 
 
 def _world(weather, options):
@@ -170,7 +169,7 @@ def _world(weather, options):
     )
 
 
-def _render_frames(world, view, chosen, path, options, quantities) -> None:
+def _render_frames(world, view, chosen, path, options, resolution, quantities) -> None:
     from cloudjax_scenes.image_strips import render_strips, write_strips
 
     from .progress import tile_progress
@@ -183,7 +182,15 @@ def _render_frames(world, view, chosen, path, options, quantities) -> None:
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
         file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
         with tile_progress(file.name) as on_tile:
-            images = render_strips(world, view, chosen, time, air, on_tile=on_tile)
+            images = render_strips(
+                world,
+                view,
+                chosen,
+                time,
+                air,
+                resolution=resolution,
+                on_tile=on_tile,
+            )
             write_strips(file, images, world, quantities)
         click.echo(f"{file} and {file.with_suffix('.png')}")
 

@@ -46,9 +46,9 @@ from .parameters import Parameter, unbounded_of, with_overrides
 from .scene_parameters import known_names, scene_parameters
 
 
-# Earlier releases had textures with voxels to choose.
-_NO_LONGER = ("resolution",)
+# The finest texture has 64 cells per period, of two voxels each at least.
 _FIT = dict.fromkeys((f.name for f in dataclasses.fields(FitSettings)), least(1)) | {
+    "resolution": least(128),
     "seed": least(0),
     "light": one_of(list(LIGHTS)),
 }
@@ -103,9 +103,7 @@ def read_settings(content: Mapping[str, Any], source: str) -> Settings:
     require_known(content, ("fit", "rule", "parameters"), "section", source)
     sections = {name: _table(content, name, source) for name in content}
     fit = dict(sections.get("fit", {}))
-    known = (*_FIT, *_NO_LONGER, "bands", "classes")
-    require_known(fit, known, "key of [fit]", source)
-    fit = {key: value for key, value in fit.items() if key not in _NO_LONGER}
+    require_known(fit, (*_FIT, "bands", "classes"), "key of [fit]", source)
     bands, classes = fit.pop("bands", None), fit.pop("classes", None)
     rule = sections.get("rule", {})
     require_known(rule, _RULE_KEYS, "key of [rule]", source)

@@ -53,6 +53,7 @@ def render_strips(
     time: datetime,
     winds: Winds | None = None,
     *,
+    resolution: int = 128,
     pixels: int = PIXELS_AT_ONCE,
     on_tile: Callable[[int, int], None] | None = None,
 ) -> Iterator[SensorImage]:
@@ -69,7 +70,9 @@ def render_strips(
             if on_tile is not None:
                 on_tile(int(above + size * done / count), int(every))
 
-        yield render_sensor(world, strip, bands, time, winds, on_tile=in_strip)
+        yield render_sensor(
+            world, strip, bands, time, winds, resolution=resolution, on_tile=in_strip
+        )
         above += size
     if on_tile is not None:
         on_tile(int(every), int(every))

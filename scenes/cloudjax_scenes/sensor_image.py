@@ -85,6 +85,7 @@ def render_sensor(
     time: datetime,
     winds: Winds | None = None,
     *,
+    resolution: int = 128,
     on_tile: Callable[[int, int], None] | None = None,
 ) -> SensorImage:
     """Render one frame.
@@ -92,8 +93,12 @@ def render_sensor(
     **Arguments:**
 
     - `winds`: how they have drawn the clouds, where that is at hand; else the world's.
+    - `resolution`: voxels per axis of the textures.
     - `on_tile`: called with the numbers of rays done and of all.
+
+    **Raises:** `DataError` if the resolution is too coarse for a texture.
     """
+    world.require_resolution(resolution)
     view, sun = sensor.view, sun_direction(time)
     ground, hit = view.rays().ground()
     scene = world.scene(bands, time, winds, day=_is_day(ground, hit, sun))
@@ -105,6 +110,7 @@ def render_sensor(
         lambda index: view.rays(pixels[index]),
         sun,
         rays=len(pixels),
+        resolution=resolution,
         with_products=True,
         on_tile=on_tile,
     )

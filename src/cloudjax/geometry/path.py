@@ -102,14 +102,6 @@ class Path(eqx.Module):
             ends_m=ends_m,
         )
 
-    @property
-    def middle_slant(self) -> Float[Array, " rays"]:
-        """Return the cosine of ray and vertical in the middle of the chord."""
-        half, slope = self.length_m / 2, self._slope()
-        along = self.radius_m * slope + half
-        across2 = self.radius_m**2 * (1 - slope**2)
-        return along / jnp.sqrt(along**2 + jnp.maximum(across2, 1.0))
-
     def _slope(self) -> Float[Array, " rays"]:
         return (self.direction * self.entry_up).sum(-1)
 
