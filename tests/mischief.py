@@ -4,6 +4,7 @@ import http.client
 import re
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -144,18 +145,20 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def of_files(fault: Fault, times: int | None = None) -> Fault:
-    """A fault of imagery and fields only, not of lists and indices; so many times."""
-    left = [times]
+    """A fault of imagery and fields only, not of lists and indices; so many times each.
+
+    Counted file by file: which of several transfers a server answers first is chance.
+    """
+    done = Counter[str]()
     lock = threading.Lock()
 
     def limited(request: Request, answer: Answer) -> Answer:
         if not request.is_transfer or request.path.endswith(".idx"):
             return answer
         with lock:
-            if left[0] == 0:
-                return answer
-            left[0] = None if left[0] is None else left[0] - 1
-        return fault(request, answer)
+            done[request.path] += 1
+            is_over = times is not None and done[request.path] > times
+        return answer if is_over else fault(request, answer)
 
     return limited
 

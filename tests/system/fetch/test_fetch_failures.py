@@ -175,10 +175,10 @@ def test_a_wrong_length_in_the_listing(scan, mischief, link, tmp_path, change):
 
 
 def test_corrupted_content_is_fetched_once_more(scan, mischief, link, tmp_path):
-    mischief.faults = [of_files(corrupted, times=2)]
+    mischief.faults = [of_files(corrupted, times=1)]
     fetched(REQUEST, tmp_path, link)
     assert open_folder(tmp_path).read().platform == "G16"
-    assert len(mischief.transfers) == 5
+    assert len(mischief.transfers) == 2 * len(scan)
 
 
 def test_content_that_stays_corrupted_is_refused(scan, mischief, link, tmp_path):
@@ -248,13 +248,15 @@ def test_an_index_of_another_file(root, store, link, tmp_path):
 
 
 def test_a_server_that_stays_silent(scan, mischief, tmp_path):
-    mischief.faults = [of_files(slow(0.6))]
-    link = Link(endpoint=mischief.url, timeout_s=0.2, retries=1, first_wait_s=0.01)
+    # Long enough for a busy machine to answer what is not slow.
+    silence = slow(30.0)
+    mischief.faults = [of_files(silence)]
+    link = Link(endpoint=mischief.url, timeout_s=1.0, retries=1, first_wait_s=0.01)
     before = time.monotonic()
     sentence = failure(REQUEST, tmp_path, link)
-    assert time.monotonic() - before < 5
+    assert time.monotonic() - before < 20
     assert "could not be had" in sentence
-    mischief.faults = [of_files(slow(0.6), times=1)]
+    mischief.faults = [of_files(silence, times=1)]
     assert len(fetched(REQUEST, tmp_path, link).paths) == 3
 
 
