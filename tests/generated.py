@@ -328,6 +328,14 @@ def _write_band(
     distance: float,
     replacements: Mapping[str, float],
 ) -> None:
+    if "band" not in file.dimensions:
+        file.createDimension("band", 1)
+    file.createVariable(f"band_id{suffix}", "i1", ("band",))[:] = band
+    wavelength = file.createVariable(f"band_wavelength{suffix}", "f4", ("band",))
+    wavelength[:] = DIALECT[band].wavelength_um
+    if suffix:
+        # Files of many bands have no coefficients.
+        return
     calibration = default_calibration(band, distance)
     names = ["esun", "kappa0", "planck_fk1", "planck_fk2", "planck_bc1", "planck_bc2"]
     values: dict[str, float] = dict.fromkeys(names, float(ABSENT))
@@ -339,15 +347,9 @@ def _write_band(
             values[f"planck_{key}"] = getattr(calibration, key)
     values.update(replacements)
     for key, value in values.items():
-        _write_scalar(file, f"{key}{suffix}", np.float32(value), {}, fill=ABSENT)
+        _write_scalar(file, key, np.float32(value), {}, fill=ABSENT)
     anomaly = "earth_sun_distance_anomaly_in_AU"
-    if anomaly not in file.variables:
-        _write_scalar(file, anomaly, np.float32(distance), {"units": "ua"}, fill=ABSENT)
-    if "band" not in file.dimensions:
-        file.createDimension("band", 1)
-    file.createVariable(f"band_id{suffix}", "i1", ("band",))[:] = band
-    wavelength = file.createVariable(f"band_wavelength{suffix}", "f4", ("band",))
-    wavelength[:] = DIALECT[band].wavelength_um
+    _write_scalar(file, anomaly, np.float32(distance), {"units": "ua"}, fill=ABSENT)
 
 
 def _write_scalar(

@@ -5,11 +5,18 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 
+# Bands of one scan start within a second of each other; the fastest repeat of a
+# mesoscale sector is 30 seconds.
+SAME_SCAN = timedelta(seconds=10)
+
 _PATTERN = re.compile(
     r"[A-Z]{2}_ABI-(?P<level>L1b|L2)-(?P<product>\w+?)(?P<sector>M1|M2|M|C|F)"
     r"-M\d+(?:C(?P<band>\d\d))?_(?P<platform>G\d\d)"
     r"_s(?P<start>\d{13})(?P<tenths>\d)"
 )
+
+
+_IMAGES = {("L1b", "Rad"), ("L2", "CMIP"), ("L2", "MCMIP")}
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,14 @@ class AbiName:
     platform: str
     band: int | None
     start: datetime
+
+    @property
+    def is_image(self) -> bool:
+        """Whether it holds an image of bands.
+
+        Other products are made of a band and have its number in their names: winds.
+        """
+        return (self.level, self.product) in _IMAGES
 
 
 def parse_abi_name(name: str) -> AbiName | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 import numpy as np
 import xarray as xr
@@ -10,14 +10,10 @@ import xarray as xr
 from cloudjax.geometry.fixed_grid import FixedGrid
 
 from .abi import AbiBand
+from .abi_name import SAME_SCAN
 from .calibration import ReflectiveCalibration
 from .errors import DataError
 from .fixed_grid import GRID_MAPPING, fixed_grid_coordinates
-
-
-# Bands of one scan start within a second of each other; the fastest repeat of a
-# mesoscale sector is 30 seconds.
-SAME_SCAN = timedelta(seconds=10)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +44,12 @@ class AbiScene:
     def sector(self) -> str:
         """Name the sector: "F", "C", "M1" or "M2"."""
         return self._any.sector
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Give the sentences on what had to be assumed of the bands."""
+        said = (note for band in self.bands.values() for note in band.notes)
+        return tuple(dict.fromkeys(said))
 
     @property
     def start(self) -> datetime:

@@ -40,6 +40,14 @@ class ReflectiveCalibration:
     solar_irradiance_w_m2_um: float
     earth_sun_distance_au: float
 
+    @classmethod
+    def of_sun(
+        cls, solar_irradiance_w_m2_um: float, earth_sun_distance_au: float
+    ) -> "ReflectiveCalibration":
+        """Make that of a solar irradiance at the mean distance, and of a distance."""
+        kappa0 = np.pi * earth_sun_distance_au**2 / solar_irradiance_w_m2_um
+        return cls(float(kappa0), solar_irradiance_w_m2_um, earth_sun_distance_au)
+
     @property
     def units(self) -> str:
         """Give the units of the radiance."""
