@@ -1,6 +1,5 @@
 """The names and headers of its files say what a scene folder holds."""
 
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -8,9 +7,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from .abi import read_band
-from .abi_name import AbiName, parse_abi_name
-from .abi_scene import SAME_SCAN, AbiScene
+from cloudjax.toml_table import TomlError, read_toml
+
+from .abi import bands_of, read_band
+from .abi_name import SAME_SCAN, AbiName, parse_abi_name
+from .abi_scene import AbiScene
 from .errors import DataError
 from .manifest import MANIFEST
 from .packed import netcdf_file
@@ -28,11 +29,13 @@ class SceneFolder:
 
     - `path`: the folder.
     - `bands`: the file of each band: L1b where there is one, else CMI.
-    - `products`: the L2 products of the same scan by name: "ACHA", "COD", "ACM" ...
+    - `products`: the L2 products of the same scan by name: "ACHA", "COD", "ACM" ...,
+      with the channel of those that are made of one: "DMW-C14".
     - `weather`: the GRIB files.
     - `settings`: what `scene.toml` holds, empty without one.
     - `platform`, `sector`, `start`: of the scan; None without any ABI file.
-    - `ignored`: the files that are none of these.
+    - `ignored`: the files that are none of these; `unreadable`: those of them that
+      pretend to be netCDF, or cannot be opened.
     """
 
     path: Path
@@ -44,6 +47,7 @@ class SceneFolder:
     sector: str | None = None
     start: datetime | None = None
     ignored: tuple[Path, ...] = ()
+    unreadable: tuple[Path, ...] = ()
 
     def read(
         self,
@@ -85,14 +89,19 @@ def open_folder(path: str | PathLike[str]) -> SceneFolder:
     """
     path = Path(path)
     files = _files(path)
-    abi = {file: name for file in files if (name := _abi_name(file)) is not None}
-    weather = tuple(file for file in files if file not in abi and _is_grib(file))
-    settings = [file for file in files if file.name == SETTINGS]
+    # Those of macOS that begin with "._" have the names of others, not their content.
+    shown = [file for file in files if not file.name.startswith(".")]
+    abi, unreadable = _abi_files(shown)
+    weather = tuple(
+        file for file in shown if not {file} & {*abi, *unreadable} and _is_grib(file)
+    )
+    settings = [file for file in shown if file.name == SETTINGS]
     used = {*abi, *weather, *settings}
     if not used:
         raise DataError(
-            f"{path} holds no ABI file, no GRIB file and no {SETTINGS}: point at a "
-            "folder with the ABI files of one scan."
+            f"{path} holds no ABI file, no GRIB file and no {SETTINGS}"
+            f"{_and_what_is_broken(unreadable)}: point at a folder with the ABI files "
+            "of one scan."
         )
     first = _only_scan(path, abi)
     return SceneFolder(
@@ -107,6 +116,7 @@ def open_folder(path: str | PathLike[str]) -> SceneFolder:
         ignored=tuple(
             file for file in files if file not in used and file.name != MANIFEST
         ),
+        unreadable=tuple(unreadable),
     )
 
 
@@ -118,8 +128,25 @@ def _files(path: Path) -> list[Path]:
     return sorted(file for file in path.iterdir() if file.is_file())
 
 
+def _abi_files(files: list[Path]) -> tuple[dict[Path, AbiName], list[Path]]:
+    """The files of ABI with what their names say, and files that cannot be opened."""
+    abi, unreadable = {}, []
+    for file in files:
+        try:
+            name = _abi_name(file)
+        except DataError:
+            # A stranger, perhaps: what is needed and cannot be read is missed later.
+            unreadable.append(file)
+            continue
+        if name is not None:
+            abi[file] = name
+    return abi, unreadable
+
+
 def _abi_name(file: Path) -> AbiName | None:
-    if file.suffix != ".nc":
+    if not _can_be_opened(file):
+        raise DataError(f"{file} cannot be opened: change its permissions.")
+    if file.suffix.lower() != ".nc":
         return None
     name = parse_abi_name(file.name)
     if name is not None:
@@ -127,6 +154,20 @@ def _abi_name(file: Path) -> AbiName | None:
     # renamed files still know what they were
     with netcdf_file(file) as header:
         return parse_abi_name(str(getattr(header, "dataset_name", "")))
+
+
+def _can_be_opened(file: Path) -> bool:
+    try:
+        file.open("rb").close()
+    except OSError:
+        return False
+    return True
+
+
+def _and_what_is_broken(files: list[Path]) -> str:
+    if not files:
+        return ""
+    return f" ({', '.join(file.name for file in files)} cannot be read)"
 
 
 def _is_grib(file: Path) -> bool:
@@ -161,20 +202,34 @@ def _bands(abi: dict[Path, AbiName]) -> dict[int, Path]:
     order = sorted(abi, key=lambda f: (abi[f].level == "L1b", abi[f].band or 0, f.name))
     found = {}
     for file in order:
-        if abi[file].product == "MCMIP":
-            found |= dict.fromkeys(range(1, 17), file)
-        elif abi[file].band is not None:
-            found[abi[file].band] = file
+        name = abi[file]
+        if name.product == "MCMIP":
+            found |= dict.fromkeys(_bands_within(file), file)
+        elif name.is_image and name.band is not None:
+            found[name.band] = file
     return dict(sorted(found.items()))
 
 
+def _bands_within(file: Path) -> list[int]:
+    """The bands of a file of many; all of them where it does not open."""
+    try:
+        with netcdf_file(file) as header:
+            return bands_of(header)
+    except DataError:
+        # Reading says what is wrong.
+        return list(range(1, 17))
+
+
 def _products(abi: dict[Path, AbiName]) -> dict[str, Path]:
-    images = {"Rad", "CMIP", "MCMIP"}
-    return {n.product: f for f, n in abi.items() if n.product not in images}
+    return {
+        n.product if n.band is None else f"{n.product}-C{n.band:02d}": f
+        for f, n in abi.items()
+        if not n.is_image
+    }
 
 
 def _settings(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"{file} is not valid TOML ({error}): correct it.") from error
+        return read_toml(file, "settings")
+    except TomlError as error:
+        raise DataError(str(error)) from error

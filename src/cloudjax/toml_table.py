@@ -3,6 +3,7 @@
 Every message is one sentence that names the file, the key and the remedy.
 """
 
+import codecs
 import difflib
 import math
 import os
@@ -15,6 +16,15 @@ from typing import Any
 
 class TomlError(ValueError):
     """A file or table that cannot be used; the message is a sentence for the user."""
+
+
+# UTF-32 first, whose mark begins with that of UTF-16.
+_MARKS = {
+    codecs.BOM_UTF32_LE: "UTF-32",
+    codecs.BOM_UTF32_BE: "UTF-32",
+    codecs.BOM_UTF16_LE: "UTF-16",
+    codecs.BOM_UTF16_BE: "UTF-16",
+}
 
 
 @dataclass(frozen=True)
@@ -76,10 +86,22 @@ def read_toml(path: str | os.PathLike[str], what: str) -> dict[str, Any]:
     path = Path(path)
     if not path.is_file():
         raise TomlError(f"{path} is not a file: give {what}.")
+    return parse_toml(_text(path.read_bytes(), str(path)), str(path))
+
+
+def _text(content: bytes, source: str) -> str:
+    """The content of a file as text; the byte-order mark of some editors is skipped."""
+    for mark, name in _MARKS.items():
+        if content.startswith(mark):
+            raise TomlError(
+                f"{source} is text in {name}, and TOML is in UTF-8: save it as UTF-8."
+            )
     try:
-        return parse_toml(path.read_text(encoding="utf-8"), str(path))
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise TomlError(f"{path} is not valid TOML ({error}): correct it.") from error
+        raise TomlError(
+            f"{source} is not text in UTF-8 ({error}): save it as UTF-8."
+        ) from error
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
@@ -89,8 +111,13 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
     """
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    # Numbers of thousands of digits are a ValueError of another kind.
+    except ValueError as error:
         raise TomlError(f"{source} is not valid TOML ({error}): correct it.") from error
+    except RecursionError as error:
+        raise TomlError(
+            f"{source} is nested too deeply: it is not what it should be, correct it."
+        ) from error
 
 
 def checked(

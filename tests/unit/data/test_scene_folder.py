@@ -1,5 +1,6 @@
 """What a folder holds, and the sentence for each folder that will not do."""
 
+import os
 from datetime import timedelta
 
 import numpy as np
@@ -113,6 +114,93 @@ def test_paths_that_are_no_scene(tmp_path):
 def test_toml_errors_are_named(folder):
     (folder / "scene.toml").write_text("bands = [1, ")
     with pytest.raises(DataError, match=r"scene\.toml is not valid TOML"):
+        open_folder(folder)
+
+
+@pytest.mark.parametrize("product", ["DMW", "DMWV", "CPS", "ACHA2KM"])
+def test_only_images_are_bands(folder, product):
+    """Winds are made of a band and have its number in their names."""
+    stamp = "s20193002000275_e20193002000332_c20193002004000"
+    winds = folder / f"OR_ABI-L2-{product}M1-M6C14_G17_{stamp}.nc"
+    winds.write_bytes(b"only listed")
+    found = open_folder(folder)
+    assert list(found.bands) == [3, 13]
+    assert found.products == {f"{product}-C14": winds}
+
+
+def test_files_of_many_bands_tell_which(tmp_path):
+    write_abi_cmi(tmp_path, radiance={2: COARSE, 13: COARSE}, multi_band=True)
+    assert list(open_folder(tmp_path).bands) == [2, 13]
+
+
+def test_strangers_do_not_spoil_a_scene(folder):
+    name = open_folder(folder).bands[13].name
+    (folder / f"._{name}").write_bytes(b"\0\5\x16\7\0\2\0\0Mac OS X")
+    (folder / "._gfs.grib2").write_bytes(b"GRIB and no more")
+    (folder / ".DS_Store").write_bytes(b"\0\0\0\1Bud1")
+    (folder / "mine.nc").write_text("no netCDF")
+    (folder / "empty.nc").write_bytes(b"")
+    (folder / "gone.nc").symlink_to(folder / "nowhere.nc")
+    found = open_folder(folder)
+    assert list(found.bands) == [3, 13]
+    assert not found.weather
+    assert [file.name for file in found.unreadable] == ["empty.nc", "mine.nc"]
+    assert set(found.unreadable) <= set(found.ignored)
+    assert list(found.read().bands) == [3, 13]
+
+
+def test_files_that_may_not_be_opened_do_not_spoil_a_scene(folder, monkeypatch):
+    locked = folder / "notes.txt"
+    locked.write_text("secret")
+    real = type(locked).open
+
+    def refuse(path, *arguments, **options):
+        if path == locked:
+            raise PermissionError(13, "Permission denied", str(path))
+        return real(path, *arguments, **options)
+
+    monkeypatch.setattr(type(locked), "open", refuse)
+    assert open_folder(folder).unreadable == (locked,)
+
+
+def test_a_folder_of_broken_files_names_them(tmp_path):
+    (tmp_path / "infrared.nc").write_text("half of a file")
+    with pytest.raises(DataError, match=r"no ABI file.*\(infrared\.nc cannot be read"):
+        open_folder(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".nc", ""])
+def test_names_may_be_no_text(folder, suffix):
+    """Bytes of another encoding, as archives from elsewhere leave them."""
+    odd = folder / os.fsdecode(b"sc\xe8ne" + suffix.encode())
+    odd.mkdir()
+    write_abi_l1b(folder, band=14, radiance=COARSE)
+    for file in folder.glob("OR_*"):
+        file.rename(odd / file.name)
+    (odd / open_folder(odd).bands[14].name).rename(odd / os.fsdecode(b"\xff.nc"))
+    found = open_folder(odd)
+    assert list(found.bands) == [3, 13, 14]
+    assert found.read([14]).bands[14].good.all()
+    (odd / os.fsdecode(b"\xff.nc")).write_bytes(b"\x89HDF\r\n\x1a\n and no more")
+    assert len(open_folder(odd).unreadable) == 1
+
+
+def test_a_byte_order_mark_is_skipped(folder):
+    (folder / "scene.toml").write_bytes(b"\xef\xbb\xbf[fit]\r\nrays = 9\r\n")
+    assert open_folder(folder).settings == {"fit": {"rays": 9}}
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-32", "utf-16-be"])
+def test_other_encodings_of_settings_are_named(folder, encoding):
+    text = "# \u00fc\n[fit]\nrays = 9\n"
+    content = text.encode(encoding)
+    if encoding == "utf-16-be":
+        content = b"\xfe\xff" + content
+    (folder / "scene.toml").write_bytes(content)
+    with pytest.raises(DataError, match=r"UTF-(16|32), and TOML is in UTF-8: save it"):
+        open_folder(folder)
+    (folder / "scene.toml").write_bytes("# \u00fc".encode("latin-1"))
+    with pytest.raises(DataError, match="is not text in UTF-8"):
         open_folder(folder)
 
 
