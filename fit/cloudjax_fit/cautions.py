@@ -21,7 +21,8 @@ def cautions(
     depths: Mapping[str, Float[np.ndarray, "y x"]],
     earth: Bool[np.ndarray, "y x"],
 ) -> list[str]:
-    """Sentences about parameters at bounds, absent classes of cloud and missing data.
+    """Sentences about parameters at bounds, absent classes of cloud and missing data,
+    and what had to be assumed of the scene.
 
     **Arguments:**
 
@@ -35,7 +36,12 @@ def cautions(
     for name, depth in depths.items():
         if depth.max() < LEAST_DEPTH:
             said.append(f"The fitted image has no {name}: its parameters mean nothing.")
-    missing = 1 - target.block_valid.sum() / max(earth.sum(), 1)
+    missing = missing_share(target, earth)
     if missing > MISSING_SHARE:
         said.append(f"{missing:.0%} of the pixels that see the Earth have no data.")
-    return said
+    return said + list(target.imagery.notes)
+
+
+def missing_share(target: Target, earth: Bool[np.ndarray, "y x"]) -> float:
+    """The share of the pixels that see the Earth, `earth`, that has no data."""
+    return float(1 - target.block_valid.sum() / max(earth.sum(), 1))

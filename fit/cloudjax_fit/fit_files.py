@@ -20,6 +20,7 @@ from cloudjax_scenes.band_image import BandImage
 from cloudjax_scenes.image_file import image_dataset
 from cloudjax_scenes.netcdf import write_netcdf
 
+from .cautions import missing_share
 from .condensate import OBSERVED_WATER, Condensate
 from .fitting import FitResult, versions
 from .histogram import Distances
@@ -108,8 +109,8 @@ def fit_numbers(result: FitResult) -> dict[str, Any]:
 
 
 def cloud_fractions(result: FitResult) -> dict[str, float]:
-    """Share of the sky that counts as cloud, observed and simulated."""
-    seen = np.isfinite(result.image.radiance).all(axis=0)
+    """Share of the pixels with data that counts as cloud, observed and simulated."""
+    seen = np.isfinite(result.image.radiance).all(axis=0) & result.target.counted
     return {
         "observed": result.target.cloud_fraction,
         "start": float(result.start.cloud[seen].mean()),
@@ -119,15 +120,18 @@ def cloud_fractions(result: FitResult) -> dict[str, float]:
 
 def optical_depths(result: FitResult) -> dict[str, float]:
     """Quartiles of the vertical optical depth at 0.64 µm of the cloudy pixels."""
-    image = result.image
-    return _named(_quartiles(image.optical_depth[image.cloud > 0.5]))
+    image, counted = result.image, result.target.counted
+    return _named(_quartiles(image.optical_depth[(image.cloud > 0.5) & counted]))
 
 
 def condensate(result: FitResult) -> dict[str, Condensate]:
     """What each class of the fitted clouds is made of."""
     share, classes = result.made_of.light.share, result.made_of.classes
+    counted = result.target.counted
     return {
-        layer.name: _condensate(one, float(layer.extinction_per_m) / share, depth)
+        layer.name: _condensate(
+            one, float(layer.extinction_per_m) / share, depth[counted]
+        )
         for one, layer, depth in zip(
             classes, result.scene.layers, result.image.depths, strict=True
         )
@@ -195,7 +199,12 @@ def _scene(result: FitResult) -> dict[str, Any]:
         "bands": list(imagery.bands),
         "cloud_rule": str(imagery.rule),
         "layers": list(imagery.fractions),
+        "missing_share": _missing(result),
     }
+
+
+def _missing(result: FitResult) -> float:
+    return missing_share(result.target, np.isfinite(result.image.radiance[0]))
 
 
 def _band_numbers(result: FitResult, number: int) -> dict[str, Any]:
@@ -247,7 +256,7 @@ def _facts(result: FitResult) -> dict[str, str]:
         "scene": imagery.name,
         "satellite": imagery.platform,
         "time": _time(result),
-        "pixels": f"{rows} × {columns}",
+        "pixels": f"{rows} × {columns}, {_missing(result):.1%} without data",
         "cloud pixels": f"{imagery.rule}",
         "cloud fraction": f"{clouds['observed']:.1%} observed, "
         f"{clouds['simulated']:.1%} simulated ({clouds['start']:.1%} at the start)",
@@ -278,8 +287,8 @@ def _band_report(result: FitResult, number: int, observed: Images) -> BandReport
         name=simulated.title,
         units=band.units,
         observed=result.target.statistics[number].quantiles,
-        simulated_start=_pixels(result.start, number),
-        simulated_fit=_pixels(result.image, number),
+        simulated_start=_pixels(result, result.start, number),
+        simulated_fit=_pixels(result, result.image, number),
         distances_start=result.distances_start[number],
         distances_fit=result.distances_fit[number],
         display=simulated.display,
@@ -288,8 +297,9 @@ def _band_report(result: FitResult, number: int, observed: Images) -> BandReport
     )
 
 
-def _pixels(image, number: int) -> WeightedPixels:
-    return WeightedPixels(image.band(number).reshape(-1), image.cloud.reshape(-1))
+def _pixels(result: FitResult, image, number: int) -> WeightedPixels:
+    counted = result.target.counted
+    return WeightedPixels(image.band(number)[counted], image.cloud[counted])
 
 
 def _row(estimate: Estimate) -> ParameterRow:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from cloudjax import CloudClass, load_classes
 from cloudjax_data import (
+    AbiBand,
     AbiScene,
     DataError,
     SceneFolder,
@@ -111,7 +112,8 @@ def read_inputs(
     known = known or _classes(classes, settings, folder)
     scene = folder.read(chosen).on_common_grid()
     analysis = None if ignore_weather else read_analysis(folder, scene)
-    target = observe(scene, chosen, cloud_rule(settings, chosen), known)
+    weather = None if analysis is None else analysis.cube
+    target = observe(scene, chosen, cloud_rule(settings, chosen), known, weather)
     if weather_mask:
         if analysis is None:
             raise DataError(
@@ -146,8 +148,7 @@ def default_bands(folder: SceneFolder) -> tuple[int, ...]:
     """The bands to use when nobody says which, as far as the folder has them."""
     if not folder.bands:
         return DAY_BANDS
-    number, file = list(folder.bands.items())[-1]
-    day = is_day(sun_heights_deg(read_band(file, band=number)))
+    day = is_day(sun_heights_deg(_some_band(folder)))
     usual = DAY_BANDS if day else NIGHT_BANDS
     telling = (*BRIGHT, *COLD_K) if day else tuple(COLD_K)
     for choice in (usual, telling, folder.bands):
@@ -155,6 +156,18 @@ def default_bands(folder: SceneFolder) -> tuple[int, ...]:
         if held:
             return held
     return usual
+
+
+def _some_band(folder: SceneFolder) -> AbiBand:
+    """The last band that can be read: the others may be of a finer, slower grid."""
+    failed = None
+    for number, file in reversed(folder.bands.items()):
+        try:
+            return read_band(file, band=number)
+        except DataError as error:
+            failed = failed or error
+    assert failed is not None
+    raise failed
 
 
 def read_analysis(folder: SceneFolder, scene: AbiScene) -> Analysis | None:

@@ -189,9 +189,10 @@ def _merit(solution: Solution) -> tuple[bool, float]:
 
 
 def _distances(target: Target, image: SimulatedImage) -> dict[int, Distances]:
-    weights = image.cloud.reshape(-1)
+    counted = target.counted
+    weights = image.cloud[counted]
     return {
-        number: distances(band.quantiles, image.band(number).reshape(-1), weights)
+        number: distances(band.quantiles, image.band(number)[counted], weights)
         for number, band in target.statistics.items()
     }
 

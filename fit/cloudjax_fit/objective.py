@@ -34,6 +34,8 @@ COVERAGE_SCALE = 2 * SCALE
 # their place.
 BLOCK_SPREAD = 0.15
 BLOCK_FLOOR = 0.03
+# A block of which less than this share has been seen says less, in proportion.
+BLOCK_ENOUGH = 0.5
 
 
 class Problem(eqx.Module):
@@ -47,7 +49,8 @@ class Problem(eqx.Module):
     - `cloud_fraction`: observed, of the whole image.
     - `block_of_ray`, `block_rays`: the block of the image that each ray is in, and the
       number of rays in each block.
-    - `block_fraction`: observed cloud fraction of each block.
+    - `block_fraction`: observed cloud fraction of each block, of its good pixels.
+    - `block_weight`: how much each block has a say, 1 where it is seen, 0 where not.
     - `parameters`, `rule`: static.
     """
 
@@ -59,6 +62,7 @@ class Problem(eqx.Module):
     block_of_ray: Int[Array, " rays"]
     block_rays: Float[Array, " blocks"]
     block_fraction: Float[Array, " blocks"]
+    block_weight: Float[Array, " blocks"]
     parameters: tuple[Parameter, ...] = eqx.field(static=True)
     rule: CloudRule = eqx.field(static=True)
 
@@ -140,7 +144,7 @@ def _coverage(weights, problem: Problem) -> Float[Array, " one_and_blocks"]:
     seen = problem.block_rays > 0
     simulated = jnp.where(seen, total / jnp.maximum(problem.block_rays, 1), observed)
     spread = jnp.sqrt(BLOCK_FLOOR**2 + 4 * BLOCK_SPREAD**2 * observed * (1 - observed))
-    blocks = (simulated - observed) / spread
+    blocks = problem.block_weight * (simulated - observed) / spread
     return jnp.concatenate([COVERAGE_SCALE * whole[None], blocks])
 
 
@@ -155,7 +159,8 @@ def pose(
 ) -> tuple[Problem, Int[np.ndarray, " rays"]]:
     """Choose rays and lay them through the scene.
 
-    Rays are drawn from all pixels: clouds must not come up where it is clear.
+    Rays are drawn from all good pixels: clouds must not come up where it is clear, and
+    may where nothing is known.
 
     **Arguments:**
 
@@ -192,6 +197,9 @@ def pose(
         block_fraction=jnp.asarray(
             target.block_cloud / np.maximum(target.block_valid, 1), float
         ),
+        block_weight=jnp.asarray(
+            np.sqrt(np.minimum(target.block_share / BLOCK_ENOUGH, 1)), float
+        ),
         parameters=tuple(parameters),
         rule=imagery.rule,
     )
@@ -225,5 +233,6 @@ def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
 def _draw_pixels(target: Target, count: int, seed: int) -> Int[np.ndarray, " rays"]:
     grid = target.imagery.grid
     _, hit = grid.rays().ground(grid.ellipsoid)
-    chosen = np.random.default_rng(seed).permutation(np.flatnonzero(hit))[:count]
+    usable = np.flatnonzero(hit & target.counted.reshape(-1))
+    chosen = np.random.default_rng(seed).permutation(usable)[:count]
     return np.sort(chosen)

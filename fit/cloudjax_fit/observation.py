@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from cloudjax import CloudClass
-from cloudjax_data import AbiScene
+from cloudjax_data import AbiScene, WeatherCube
 from cloudjax_scenes.cloud_rule import CloudRule
 from cloudjax_scenes.imagery_reduction import reduce_scene
 
@@ -22,16 +22,22 @@ def observe(
     bands: Iterable[int] | None = None,
     rule: CloudRule | None = None,
     classes: Mapping[str, CloudClass] | None = None,
+    weather: WeatherCube | None = None,
 ) -> Target:
     """Reduce a scene to a target.
 
     **Arguments:** as of `cloudjax_scenes.reduce_scene`.
 
-    **Raises:** `DataError` if reflective bands are asked of a scene in the dark, if no
-    band tells cloud from surface, or if there are too few cloud pixels to fit.
+    **Raises:** `DataError` for what `reduce_scene` does, with too few cloud pixels to
+    fit.
     """
     reduced = reduce_scene(
-        scene, bands, rule, classes, fewest_cloud_pixels=FEWEST_CLOUD_PIXELS
+        scene,
+        bands,
+        rule,
+        classes,
+        weather=weather,
+        fewest_cloud_pixels=FEWEST_CLOUD_PIXELS,
     )
     block = block_of_pixels(reduced.imagery.grid.shape, BLOCKS)
     count = BLOCKS[0] * BLOCKS[1]
@@ -45,6 +51,7 @@ def observe(
         blocks=BLOCKS,
         block_cloud=np.bincount(block[cloud], minlength=count),
         block_valid=np.bincount(block[reduced.good.reshape(-1)], minlength=count),
+        good=reduced.good,
     )
 
 

@@ -65,7 +65,8 @@ def _root(target: Target) -> xr.Dataset:
             "fraction": (("cloud_class", *cells), fractions),
             "block_cloud": ("block", _counts(target.block_cloud)),
             "block_valid": ("block", _counts(target.block_valid)),
-        },
+        }
+        | _good(target),
         coords={
             "cloud_class": list(imagery.fractions),
             "latitude": ("latitude", imagery.latitude_deg, {"units": "degrees_north"}),
@@ -92,6 +93,12 @@ def _root(target: Target) -> xr.Dataset:
         }
         | {f"rule_{key}": value for key, value in rule.items()},
     )
+
+
+def _good(target: Target) -> dict:
+    if target.good is None:
+        return {}
+    return {"good": (("y", "x"), target.good.astype(np.int8))}
 
 
 def _band_dataset(target: Target, number: int) -> xr.Dataset:
@@ -130,11 +137,13 @@ def _target(tree: xr.DataTree) -> Target:
         blocks=(int(a["blocks"][0]), int(a["blocks"][1])),
         block_cloud=root["block_cloud"].to_numpy().astype(np.int64),
         block_valid=root["block_valid"].to_numpy().astype(np.int64),
+        good=root["good"].to_numpy() == 1 if "good" in root else None,
     )
 
 
 def _imagery(a, root: xr.Dataset, groups: Mapping[int, xr.Dataset]) -> Imagery:
     time = datetime.fromisoformat(a["time"])
+    time = time.replace(tzinfo=time.tzinfo or UTC)
     # Absent from files of earlier versions.
     distance_au = float(a.get("earth_sun_distance_au", earth_sun_distance_au(time)))
     return Imagery(

@@ -7,7 +7,7 @@ fitted in the same way.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Float, Int
 
 from cloudjax_scenes.imagery import Imagery
 
@@ -47,6 +47,8 @@ class Target:
     - `statistics`: of the cloud pixels, by band.
     - `blocks`: rows and columns of blocks that the image is cut into.
     - `block_cloud`, `block_valid`: cloud pixels and good pixels of each block.
+    - `good`: the pixels that the statistics are of; None where a file of an earlier
+      version does not tell them: then those of blocks that hold any.
     """
 
     imagery: Imagery
@@ -54,6 +56,24 @@ class Target:
     blocks: tuple[int, int]
     block_cloud: Int[np.ndarray, " blocks"]
     block_valid: Int[np.ndarray, " blocks"]
+    good: Bool[np.ndarray, "y x"] | None = None
+
+    @property
+    def counted(self) -> Bool[np.ndarray, "y x"]:
+        """The pixels that count: what lies elsewhere is compared with nothing."""
+        if self.good is not None:
+            return self.good
+        shape = self.imagery.grid.shape
+        return (self.block_valid > 0)[block_of_pixels(shape, self.blocks)].reshape(
+            shape
+        )
+
+    @property
+    def block_share(self) -> Float[np.ndarray, " blocks"]:
+        """The share of each block's pixels that is good."""
+        block = block_of_pixels(self.imagery.grid.shape, self.blocks)
+        pixels = np.bincount(block, minlength=len(self.block_valid))
+        return self.block_valid / np.maximum(pixels, 1)
 
     @property
     def cloud_fraction(self) -> float:

@@ -144,6 +144,8 @@ def _simulated_blocks(problem: Problem, target: Target, z):
 
 def _bootstrap(counts, cloud, valid, rng) -> Float[np.ndarray, "data data"]:
     """Covariance of the residuals of all bands and of the coverage."""
+    known = valid > 0
+    counts, cloud, valid = counts[:, known], cloud[known], valid[known]
     blocks = counts.shape[1]
     draws = rng.multinomial(blocks, np.full(blocks, 1 / blocks), size=RESAMPLES)
     resampled = draws @ counts.T

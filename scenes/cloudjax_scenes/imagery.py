@@ -29,6 +29,7 @@ class Imagery:
     - `latitude_deg`, `longitude_deg`: of the grid of fractions and backgrounds.
     - `fractions`: of the sky covered by each class of cloud, as seen past those above.
     - `backgrounds`: radiance without cloud, by band.
+    - `notes`: sentences on what had to be assumed.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Imagery:
     longitude_deg: Float[np.ndarray, " lon"]
     fractions: dict[str, Float[np.ndarray, "lat lon"]]
     backgrounds: dict[int, Float[np.ndarray, "lat lon"]]
+    notes: tuple[str, ...] = ()
 
     @property
     def sunlit(self) -> list[Band]:

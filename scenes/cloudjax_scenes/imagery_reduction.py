@@ -15,13 +15,17 @@ from cloudjax_data import (
     AbiScene,
     DataError,
     ReflectiveCalibration,
+    WeatherCube,
     earth_sun_distance_au,
     sun_direction,
 )
+from cloudjax_data.plain_path import printable
 
+from .assumed_ground import assumed_backgrounds
 from .cloud_rule import CloudRule, default_rule
 from .daylight import LOWEST_SUN_DEG
 from .imagery import Imagery
+from .surface import STANDARD_K, Surface
 
 
 # Cells of the grid of fractions are this many pixels wide, and no narrower than this.
@@ -36,7 +40,8 @@ class ReducedScene:
     **Fields:**
 
     - `radiance`: by band, on the grid of the imagery.
-    - `good`: pixels that all bands vouch for; `cloud`: those of them that are cloud.
+    - `good`: pixels of the Earth that all bands vouch for; `cloud`: those of them that
+      are cloud.
     """
 
     imagery: Imagery
@@ -51,6 +56,7 @@ def reduce_scene(
     rule: CloudRule | None = None,
     classes: Mapping[str, CloudClass] | None = None,
     *,
+    weather: WeatherCube | None = None,
     fewest_cloud_pixels: int = 1,
 ) -> ReducedScene:
     """Reduce a scene to its imagery.
@@ -61,14 +67,16 @@ def reduce_scene(
     - `rule`: which pixels are cloud; by default what the bands and the hour allow.
     - `classes`: to tell clouds into; by default those of `imagery_classes`. Those that
       have no rule in imagery, or no pixel in this one, are left out.
+    - `weather`: of that hour, for the ground of a scene that shows none.
 
     **Raises:** `DataError` if reflective bands are asked of a scene in the dark, if no
-    band tells cloud from surface, or if there are too few cloud pixels.
+    band tells cloud from surface, if a band has no good pixel, if there are too few
+    cloud pixels, or if no pixel is clear and nothing else tells what is below.
     """
     scene = scene.on_common_grid(bands)
     images = {number: band.radiance for number, band in scene.bands.items()}
     grid = scene.grid
-    good = np.logical_and.reduce([band.good for band in scene.bands.values()])
+    good = _good(scene, grid)
     day = _is_light(scene, grid)
     rule = _rule(scene, day) if rule is None else rule
     reflectance, kelvin = _shown(scene)
@@ -81,23 +89,46 @@ def reduce_scene(
     cells = _Cells.covering(grid, good)
     window = kelvin.get(rule.cold_band) if rule.cold_band else None
     classes = imagery_classes() if classes is None else classes
+    known = {n: _band(band, day) for n, band in scene.bands.items()}
+    backgrounds, notes = _backgrounds(scene, cells, good & ~cloud, known, weather)
     imagery = Imagery(
         name=_folder(scene),
         platform=scene.platform,
         time=scene.time,
         grid=grid,
         rule=rule,
-        bands={n: _band(band, day) for n, band in scene.bands.items()},
+        bands=known,
         earth_sun_distance_au=earth_sun_distance_au(scene.time),
         latitude_deg=cells.latitude_deg,
         longitude_deg=cells.longitude_deg,
         fractions=_class_fractions(cells, grid, good, cloud, window, classes),
-        backgrounds={
-            n: _background(cells, grid, good & ~cloud, image)
-            for n, image in images.items()
-        },
+        backgrounds=backgrounds,
+        notes=(*scene.notes, *notes),
     )
     return ReducedScene(imagery, images, good, cloud)
+
+
+def _good(scene: AbiScene, grid: FixedGrid) -> Bool[np.ndarray, "y x"]:
+    """The pixels of the Earth that are good in all bands."""
+    _, hit = grid.rays().ground(grid.ellipsoid)
+    if not hit.any():
+        raise DataError(
+            f"No pixel of {_folder(scene)} sees the Earth: choose another scene."
+        )
+    earth = hit.reshape(grid.shape)
+    for number, band in scene.bands.items():
+        if not (band.good & earth).any():
+            raise DataError(
+                f"Band {number} of {_folder(scene)} has no good pixel that sees the "
+                "Earth: use the other bands."
+            )
+    good = np.logical_and.reduce([earth, *(b.good for b in scene.bands.values())])
+    if not good.any():
+        raise DataError(
+            f"No pixel of {_folder(scene)} is good in all of the bands "
+            f"{', '.join(map(str, scene.bands))}: use fewer of them."
+        )
+    return good
 
 
 def _shown(scene: AbiScene):
@@ -112,7 +143,7 @@ def _shown(scene: AbiScene):
 
 
 def _folder(scene: AbiScene) -> str:
-    return next(iter(scene.bands.values())).path.parent.name
+    return printable(next(iter(scene.bands.values())).path.parent.name)
 
 
 def _is_light(scene: AbiScene, grid: FixedGrid) -> bool:
@@ -237,6 +268,35 @@ def _fraction(cells, grid, altitude_m, good, cloud) -> Float[np.ndarray, "lat lo
     use = hit & good.reshape(-1)
     covered = cloud.reshape(-1)[use].astype(float)
     return np.clip(cells.mean(latitude[use], longitude[use], covered), 0, 1)
+
+
+def _backgrounds(
+    scene: AbiScene, cells: _Cells, clear, bands: Mapping[int, Band], weather
+) -> tuple[dict[int, Float[np.ndarray, "lat lon"]], tuple[str, ...]]:
+    """What is seen without clouds, by band, and sentences on what had to be assumed."""
+    if clear.any():
+        found = {
+            n: _background(cells, scene.grid, clear, band.radiance)
+            for n, band in scene.bands.items()
+        }
+        return found, ()
+    ground = assumed_backgrounds(
+        bands,
+        Surface.of(weather),
+        earth_sun_distance_au(scene.time),
+        scene.time,
+        cells.latitude_deg,
+        cells.longitude_deg,
+    )
+    warm = (
+        f"{STANDARD_K:g} K of the standard atmosphere"
+        if weather is None
+        else f"the temperature in {weather.path.name}"
+    )
+    return ground, (
+        f"No pixel is clear: the ground is that of the table of land and sea, at {warm}"
+        ", and not observed.",
+    )
 
 
 def _background(cells, grid, clear, radiance) -> Float[np.ndarray, "lat lon"]:

@@ -1,0 +1,267 @@
+"""Pixels without data say nothing: not to the target, the objective or the report."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tests.fit_results import made_up_result
+from tests.generated import default_calibration, window, write_abi_l1b
+from tests.scenes import NIGHT
+from tests.small_fits import (
+    BLOCKS,
+    RESOLUTION,
+    SHAPE,
+    flecked,
+    small_class,
+    small_imagery,
+    small_target,
+)
+
+from cloudjax_data import DataError, open_folder
+from cloudjax_fit.fit_files import cloud_fractions, fit_numbers, fit_report
+from cloudjax_fit.fit_inputs import read_inputs
+from cloudjax_fit.fitting import FitSettings, _distances
+from cloudjax_fit.objective import pose, residuals
+from cloudjax_fit.observation import observe
+from cloudjax_fit.parameters import put_all, unbounded_of
+from cloudjax_fit.scene_parameters import scene_parameters
+from cloudjax_fit.targets import block_of_pixels
+from cloudjax_fit.uncertainty import _bootstrap
+from cloudjax_scenes.simulated_image import SimulatedImage
+
+
+NIGHT_SHAPE = (64, 64)
+WEST = np.s_[:, :32]
+
+
+def night_kelvin(seed: int = 0) -> np.ndarray:
+    """Cloud of 225 to 260 K over four fifths of the east, less in the west."""
+    rng = np.random.default_rng(seed)
+    share = np.where(np.arange(64) < 32, 0.3, 0.8)
+    cloud = rng.random(NIGHT_SHAPE) < share
+    return np.where(cloud, rng.uniform(225.0, 260.0, NIGHT_SHAPE), 288.0)
+
+
+def night_scene(folder, kelvin, dqf=None):
+    folder.mkdir(parents=True, exist_ok=True)
+    radiance = default_calibration(13).radiance(np.nan_to_num(kelvin, nan=200.0))
+    radiance = np.where(np.isnan(kelvin), np.nan, radiance)
+    write_abi_l1b(
+        folder,
+        band=13,
+        radiance=radiance,
+        grid=window(NIGHT_SHAPE),
+        start=NIGHT,
+        dqf=dqf,
+    )
+    return folder
+
+
+def missing(kind: str) -> np.ndarray:
+    """Which pixels have no data, in the ways in which real scans lose them."""
+    gone = np.zeros(NIGHT_SHAPE, bool)
+    if kind == "west":
+        gone[WEST] = True
+    elif kind == "half way":
+        gone[40:] = True
+    elif kind == "stripes":
+        gone[::5] = True
+    elif kind == "most of a block":
+        gone[:8, :8] = True
+        gone[0, 0] = False
+    return gone
+
+
+KINDS = ("west", "half way", "stripes", "most of a block")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("how", ["fill", 1, 2, 3, 4])
+def test_a_target_is_of_the_pixels_with_data(tmp_path, kind, how):
+    """By numpy: share, blocks and mean of the pixels that are left."""
+    kelvin, gone = night_kelvin(), missing(kind)
+    if how == "fill":
+        night_scene(tmp_path, np.where(gone, np.nan, kelvin))
+    else:
+        night_scene(tmp_path, kelvin, np.where(gone, how, 0))
+    target = observe(open_folder(tmp_path).read())
+    cloud = (kelvin < 270) & ~gone
+    assert target.cloud_fraction == pytest.approx(cloud.sum() / (~gone).sum())
+    np.testing.assert_array_equal(target.counted, ~gone)
+    blocks = (8, 8, 8, 8)
+    np.testing.assert_array_equal(
+        target.block_valid.reshape(8, 8), (~gone).reshape(blocks).sum((1, 3))
+    )
+    np.testing.assert_allclose(
+        target.block_share, (~gone).reshape(blocks).mean((1, 3)).reshape(-1)
+    )
+    seen = target.statistics[13].quantiles
+    fk1, fk2, bc1, bc2 = default_calibration(13)._planck
+    radiance = fk1 / (np.exp(fk2 / (bc1 + bc2 * kelvin[cloud])) - 1)
+    assert seen.count == cloud.sum()
+    assert seen.equal_weights().mean() == pytest.approx(radiance.mean(), rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def halves():
+    """The same target with and without data in the west, and its scene."""
+    images, cloud = flecked()
+    imagery = small_imagery()
+    whole = replace(small_target(imagery, images, cloud), good=np.ones(SHAPE, bool))
+    east = np.zeros(SHAPE, bool)
+    east[:, SHAPE[1] // 2 :] = True
+    seen = cloud & east
+    block = block_of_pixels(SHAPE, BLOCKS)
+    half = replace(
+        whole,
+        good=east,
+        block_cloud=np.bincount(block[seen.reshape(-1)], minlength=16),
+        block_valid=np.bincount(block[east.reshape(-1)], minlength=16),
+    )
+    made_of = FitSettings(steps=3).scene_from(imagery, None, {"low": small_class()})
+    parameters = scene_parameters(made_of)
+    defaults = jnp.asarray([p.default for p in parameters])
+    return whole, half, put_all(made_of.build(), parameters, defaults), parameters
+
+
+def _posed(target, halves, rays=10_000):
+    _, _, scene, parameters = halves
+    free = [p for p in parameters if p.name == "low.threshold"]
+    return pose(target, scene, free, rays=rays, seed=0, resolution=RESOLUTION)
+
+
+def test_rays_are_drawn_from_pixels_with_data(halves):
+    _, half, *_ = halves
+    _, pixels = _posed(half, halves)
+    np.testing.assert_array_equal(pixels, np.flatnonzero(half.good.reshape(-1)))
+
+
+def test_older_targets_tell_blocks_without_data(halves):
+    _, half, *_ = halves
+    _, pixels = _posed(replace(half, good=None), halves)
+    np.testing.assert_array_equal(pixels, np.flatnonzero(half.good.reshape(-1)))
+
+
+def test_blocks_without_data_have_no_say(halves):
+    """The residuals of blocks: zero in the west, and in the east those of a fit to the
+    whole image, of whose rays they are."""
+    whole, half, *_ = halves
+    found = {}
+    for name, target in (("whole", whole), ("half", half)):
+        problem, _ = _posed(target, halves)
+        z = unbounded_of(problem.parameters)
+        rest = np.asarray(eqx.filter_jit(residuals)(z, problem))[32:]
+        found[name] = rest[1:17].reshape(4, 4)
+    assert np.abs(found["whole"][:, :2]).min() > 0.1
+    np.testing.assert_array_equal(found["half"][:, :2], 0.0)
+    np.testing.assert_allclose(found["half"][:, 2:], found["whole"][:, 2:], atol=1e-4)
+
+
+def test_blocks_with_little_data_have_little_say(halves):
+    """A ninth of a block weighs √(2/9), all of it 1; a half is enough."""
+    whole, *_ = halves
+    good = np.ones(SHAPE, bool)
+    good[:6, :6] = False
+    good[:2, :2] = True
+    good[:3, 6:12] = False
+    block = block_of_pixels(SHAPE, BLOCKS)
+    valid = np.bincount(block[good.reshape(-1)], minlength=16)
+    scarce = replace(whole, good=good, block_valid=valid)
+    problem, _ = _posed(scarce, halves)
+    expected = np.ones(16)
+    expected[0] = np.sqrt(2 / 9)
+    np.testing.assert_allclose(problem.block_weight, expected, rtol=1e-6)
+
+
+def test_images_are_compared_where_there_are_data(halves):
+    """Nonsense in the west changes neither distances nor shares."""
+    _, half, *_ = halves
+    images, cloud = flecked(1)
+    radiance = np.stack([images[1], images[13]])
+    image = SimulatedImage((1, 13), radiance, cloud.astype(float), 3.0 * cloud[None])
+    spoilt = radiance.copy()
+    spoilt[..., : SHAPE[1] // 2] = 999.0
+    covered = np.where(half.good, cloud, 1.0)
+    other = replace(image, radiance=spoilt, cloud=covered)
+    assert _distances(half, image) == _distances(half, other)
+    assert _distances(half, image)[1].n_simulated == (cloud & half.good).sum()
+
+
+def test_resampling_knows_no_blocks_without_data():
+    """The covariance of counts of blocks is that of those with data alone."""
+    rng = np.random.default_rng(0)
+    counts = rng.integers(1, 9, (5, 12)).astype(float)
+    cloud, valid = counts.sum(0), np.full(12, 60.0)
+    empty = np.zeros((5, 20))
+    alone = _bootstrap(counts, cloud, valid, np.random.default_rng(1))
+    padded = _bootstrap(
+        np.concatenate([counts, empty], 1),
+        np.concatenate([cloud, np.zeros(20)]),
+        np.concatenate([valid, np.zeros(20)]),
+        np.random.default_rng(1),
+    )
+    np.testing.assert_array_equal(alone, padded)
+
+
+def test_the_report_tells_what_is_missing(tmp_path):
+    """Half of the image: shares are of the other half, by numpy."""
+    kelvin, gone = night_kelvin(), missing("west")
+    night_scene(tmp_path / "scene", np.where(gone, np.nan, kelvin))
+    inputs = read_inputs(tmp_path / "scene")
+    result = made_up_result(inputs)
+    cloud = np.where(gone, 1.0, 0.25)
+    radiance = np.where(np.isnan(result.image.radiance), 1.0, result.image.radiance)
+    image = replace(result.image, cloud=cloud, radiance=radiance)
+    result = replace(result, image=image)
+    shares = cloud_fractions(result)
+    assert shares["observed"] == pytest.approx((kelvin[~gone] < 270).mean())
+    assert shares["simulated"] == pytest.approx(0.25)
+    assert fit_numbers(result)["scene"]["missing_share"] == pytest.approx(0.5)
+    page = fit_report(result)
+    assert page.scene["pixels"] == "64 × 64, 50.0% without data"
+    assert page.bands[0].simulated_fit.weights.max() == 0.25
+
+
+def test_a_band_without_data_is_named(tmp_path):
+    night_scene(tmp_path, np.full(NIGHT_SHAPE, np.nan))
+    with pytest.raises(DataError, match=r"Band 13 of .* has no good pixel that sees"):
+        read_inputs(tmp_path, bands=(13,))
+
+
+def test_bands_without_common_data_are_named(tmp_path):
+    kelvin, gone = night_kelvin(), missing("west")
+    night_scene(tmp_path, np.where(gone, np.nan, kelvin))
+    east = default_calibration(15).radiance(kelvin)
+    write_abi_l1b(
+        tmp_path,
+        band=15,
+        radiance=np.where(gone, east, np.nan),
+        grid=window(NIGHT_SHAPE),
+        start=NIGHT,
+    )
+    with pytest.raises(DataError, match="good in all of the bands 13, 15: use fewer"):
+        read_inputs(tmp_path)
+
+
+def test_space_beside_the_earth_is_not_missing(tmp_path):
+    """The western limb: what is flagged as good in space is no cloud of 3 K."""
+    grid = window(NIGHT_SHAPE, 5.6e-4, west_edge_rad=-0.1568, north_edge_rad=0.0112)
+    _, hit = grid.rays().ground()
+    hit = hit.reshape(NIGHT_SHAPE)
+    assert 0.3 < hit.mean() < 0.97
+    kelvin = night_kelvin()
+    seen = default_calibration(13).radiance(kelvin)
+    radiance = np.where(hit, seen, 0.05)
+    write_abi_l1b(
+        tmp_path,
+        band=13,
+        radiance=radiance,
+        grid=grid,
+        start=NIGHT,
+        dqf=np.zeros(NIGHT_SHAPE, int),
+    )
+    target = observe(open_folder(tmp_path).read())
+    assert target.cloud_fraction == pytest.approx((kelvin[hit] < 270).mean())
+    assert target.statistics[13].low > 10.0
