@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, Num
 
+from cloudjax import FixedGrid
 from cloudjax_scenes.quantity import RADIANCE, Quantity, parse_variable
 
+from .common_pixels import common_pixels
 from .histogram import Distances, distances
 
 
@@ -31,13 +33,15 @@ class BandRadiances:
     """Radiances of one ABI band, in `units`, NaN where there is none.
 
     Or another `quantity`, where a file has no radiances. `values` are an image
-    `[y, x]`, or pixels without places `[n]`.
+    `[y, x]`, or pixels without places `[n]`. `grid` is that of an image, where it is
+    known.
     """
 
     number: int
     units: str
     values: Num[np.ndarray, "_ _"] | Num[np.ndarray, " _"]
     quantity: Quantity = RADIANCE
+    grid: FixedGrid | None = None
 
     def pixels(self) -> Float[np.ndarray, " n"]:
         """The finite radiances, without their places, in float64."""
@@ -100,7 +104,8 @@ def compare(
 ) -> Comparison:
     """Measures how far the valid pixels of two sets of radiances are from each other.
 
-    Bands that only one of them holds are left out, with a warning in the result.
+    Bands that only one of them holds are left out, with a warning in the result, and so
+    are the pixels that only one has of images of one area.
 
     Raises `cloudjax_data.DataError` when there is no band in common, when the two give
     a band as different quantities or in different units, or when one of them has no
@@ -110,11 +115,12 @@ def compare(
     _check_some_shared(a, b, names)
     for number in shared:
         _check_comparable(a[number], b[number], names)
+    pairs = [_of_common_pixels(a[number], b[number], names) for number in shared]
     return Comparison(
         title=f"{names[0]} and {names[1]}: radiances compared",
         names=names,
-        bands=[_compare_band(a[number], b[number]) for number in shared],
-        warnings=_left_out(a, b, names),
+        bands=[_compare_band(one, other) for one, other, _ in pairs],
+        warnings=_left_out(a, b, names) + [said for *_, said in pairs if said],
         versions=versions or {},
     )
 
@@ -136,6 +142,27 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
         "bands": bands,
         "versions": dict(comparison.versions),
     }
+
+
+def _of_common_pixels(
+    a: BandRadiances, b: BandRadiances, names: tuple[str, str]
+) -> tuple[BandRadiances, BandRadiances, str]:
+    """Both without the pixels that one lacks, and what to say of these."""
+    first, second = a.image(), b.image()
+    if first is None or second is None or a.grid is None or b.grid is None:
+        return a, b, ""
+    both = common_pixels(first, a.grid, second, b.grid)
+    if both is None:
+        return a, b, ""
+    shared = replace(a, values=both[0]), replace(b, values=both[1])
+    _check_comparable(*shared, names)
+    kept = [
+        one.pixels().size / max(whole.pixels().size, 1)
+        for one, whole in zip(shared, (a, b), strict=True)
+    ]
+    share = 1 - min(kept)
+    said = f"{share:.1%} of the pixels of band {a.number} are in one of the two only"
+    return *shared, f"{said}, and are left out." if share > 0 else ""
 
 
 def _compare_band(a: BandRadiances, b: BandRadiances) -> BandComparison:
@@ -211,7 +238,10 @@ def _read_folder(path: Path) -> dict[int, BandRadiances]:
 
 
 def _of_abi(bands: "Iterable[AbiBand]") -> dict[int, BandRadiances]:
-    return {b.number: BandRadiances(b.number, b.units, b.radiance) for b in bands}
+    return {
+        b.number: BandRadiances(b.number, b.units, b.radiance, grid=b.grid)
+        for b in bands
+    }
 
 
 def _read_file(path: Path) -> dict[int, BandRadiances]:
@@ -237,10 +267,14 @@ def _open_dataset(path: Path) -> "Iterator[xr.Dataset]":
     import xarray as xr
 
     from cloudjax_data import DataError
+    from cloudjax_data.plain_path import plain_path
 
     try:
         # Not decoded yet: the packed integers of ABI files are for their own reader.
-        with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as dataset:
+        with (
+            plain_path(path) as plain,
+            xr.open_dataset(plain, engine="netcdf4", decode_cf=False) as dataset,
+        ):
             yield dataset
     # The netCDF library raises RuntimeError when the header is whole and the data not.
     except (OSError, RuntimeError) as error:
@@ -255,6 +289,7 @@ def _simulated_bands(dataset: "xr.Dataset", path: Path) -> dict[int, BandRadianc
 
     held = {name: parse_variable(str(name)) for name in dataset.data_vars}
     known = {name: found for name, found in held.items() if found is not None}
+    grid = _grid_of(dataset)
     # Radiances last: they replace what else there is of a band.
     names = sorted(known, key=lambda name: known[name][0] is RADIANCE)
     bands = {}
@@ -264,8 +299,25 @@ def _simulated_bands(dataset: "xr.Dataset", path: Path) -> dict[int, BandRadianc
         variable = decoded[name]
         _check_attributes(variable, number, path)
         units = str(variable.attrs["units"])
-        bands[number] = BandRadiances(number, units, variable.to_numpy(), quantity)
+        values = variable.to_numpy()
+        fits = grid is not None and grid.shape == values.shape
+        bands[number] = BandRadiances(
+            number, units, values, quantity, grid if fits else None
+        )
     return dict(sorted(bands.items()))
+
+
+def _grid_of(dataset: "xr.Dataset") -> FixedGrid | None:
+    """The fixed grid of a file that cloudjax wrote, None of another projection."""
+    axes = [dataset.variables.get(name) for name in ("x", "y")]
+    mapping = dataset.variables.get("goes_imager_projection")
+    if mapping is None or any(a is None or a.attrs.get("units") != "rad" for a in axes):
+        return None
+    x, y = (np.asarray(axis, float) for axis in axes)
+    longitude = mapping.attrs.get("longitude_of_projection_origin")
+    if x.size == 0 or y.size == 0 or not isinstance(longitude, int | float):
+        return None
+    return FixedGrid(x, y, float(longitude))
 
 
 def _check_attributes(variable: "xr.DataArray", number: int, path: Path) -> None:
