@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
-from .abi_scene import SAME_SCAN
+from .abi_name import SAME_SCAN
 from .buckets import (
     PRODUCTS,
     RADIANCES,
@@ -23,6 +23,11 @@ from .satellites import in_utc, satellite_at
 
 # The longest repeat of a full disk, in ABI's mode 3: no scan is further away.
 WITHIN = timedelta(minutes=15)
+# So many scans are told one by one where none has all of the bands.
+_SHOWN_SCANS = 4
+
+
+_File = tuple[GoesKey, Listed]
 
 
 @dataclass(frozen=True)
@@ -92,9 +97,6 @@ def plan_goes(request: GoesRequest, link: Link) -> GoesPlan:
     return GoesPlan(items, start, max(key.end for key, _ in scan), tuple(notes))
 
 
-_File = tuple[GoesKey, Listed]
-
-
 def _nearest(bucket: Bucket, request: GoesRequest, sector: Sector) -> list[_File]:
     """The files of the scan nearest in time that has all bands."""
     files = [
@@ -107,16 +109,29 @@ def _nearest(bucket: Bucket, request: GoesRequest, sector: Sector) -> list[_File
     whole = [scan for scan in scans if set(scan) == set(request.bands)]
     if not whole:
         bands = ", ".join(map(str, request.bands))
-        had = sorted({band for scan in scans for band in scan})
-        others = f"only of bands {', '.join(map(str, had))}" if had else "of any"
         raise DataError(
             f"{bucket.origin} has no scan of sector {request.sector} with all of bands "
             f"{bands} within {WITHIN.seconds // 60} minutes of "
-            f"{request.time:%Y-%m-%d %H:%M} UTC ({others}): choose another time or "
-            "other bands; nothing was written."
+            f"{request.time:%Y-%m-%d %H:%M} UTC ({_what_there_is(scans, request)}): "
+            "choose another time or other bands; nothing was written."
         )
     nearest = min(whole, key=lambda scan: abs(_start(scan.values()) - request.time))
     return [nearest[band] for band in sorted(nearest)]
+
+
+def _what_there_is(scans: Sequence[dict[int, _File]], request: GoesRequest) -> str:
+    """Which of the nearest scans has which of the bands."""
+    if not scans:
+        return "nor one of any of them"
+    nearest = sorted(scans, key=lambda scan: abs(_start(scan.values()) - request.time))
+    shown = sorted(nearest[:_SHOWN_SCANS], key=lambda scan: _start(scan.values()))
+    said = [
+        f"that of {_start(scan.values()):%H:%M:%S} has only "
+        f"{', '.join(map(str, sorted(scan)))}"
+        for scan in shown
+    ]
+    more = len(scans) - len(shown)
+    return "; ".join(said) + (f"; and {more} more have not all" if more else "")
 
 
 def _product(

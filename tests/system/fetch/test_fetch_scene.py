@@ -269,7 +269,7 @@ def test_a_missing_hour_is_a_sentence(scene, mischief, tmp_path):
     sentence = sentence_of(
         run("fetch", "scene", *CONUS[:6], "--bands", "1,2", "-o", out, *_at(mischief))
     )
-    assert "only of bands 1" in sentence
+    assert "that of 17:01:17 has only 1" in sentence
     sentence = sentence_of(
         run("fetch", "gfs", "--time", "2019-10-27T20:00", "-o", out, *_at(mischief))
     )
