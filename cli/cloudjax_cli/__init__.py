@@ -26,14 +26,20 @@ from .report import report
     metavar="DIR",
     help="Keep compiled functions there for the next time. It is trusted code.",
 )
+@click.option(
+    "--debug",
+    is_flag=True,
+    help="Show the traceback of a fault of the program, and keep it in no file.",
+)
 @click.pass_context
-def main(context: click.Context, compilation_cache: str | None) -> None:
+def main(context: click.Context, compilation_cache: str | None, debug: bool) -> None:
     """Fit fractal clouds to GOES imagery, render them, and compare radiances.
 
     A SCENE is a folder with the ABI files of one scan (L1b or CMI), with or without a
     GFS or NAM file and a scene.toml. Exit codes: 0 done, 1 finished but not converged,
-    2 bad input.
+    2 bad input, 3 a fault of the program.
     """
+    context.ensure_object(dict)["debug"] = debug
     if compilation_cache is not None:
         # Read when a subcommand imports JAX.
         os.environ["JAX_COMPILATION_CACHE_DIR"] = compilation_cache

@@ -1,28 +1,12 @@
 """`cloudjax fetch`."""
 
 import functools as ft
-from datetime import UTC, datetime
 from pathlib import Path
 
 import click
 
 from .errors import INTERRUPTED
-from .options import BandList
-
-
-class Time(click.ParamType):
-    """A time in ISO 8601, of UTC unless it says otherwise."""
-
-    name = "time"
-
-    def convert(self, value, param, ctx):
-        if isinstance(value, datetime):
-            return value
-        try:
-            time = datetime.fromisoformat(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a time such as 2023-04-26T17:00")
-        return time.replace(tzinfo=time.tzinfo or UTC).astimezone(UTC)
+from .options import BandList, Time
 
 
 _TIME = click.option("--time", required=True, type=Time(), help="UTC, ISO 8601.")

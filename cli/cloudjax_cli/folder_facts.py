@@ -14,7 +14,10 @@ from cloudjax_data import (
     read_band,
     read_weather,
 )
+from cloudjax_data.abi_grid import sees_the_earth
+from cloudjax_fit.cautions import missing_share
 from cloudjax_fit.fit_inputs import FitInputs, read_inputs
+from cloudjax_fit.targets import Target
 from cloudjax_scenes.daylight import is_day, sun_heights_deg
 from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.lights import Light
@@ -26,9 +29,9 @@ Row = tuple[str, str]
 def folder_rows(folder: SceneFolder) -> Iterator[Row]:
     """What the folder holds and what is missing, as labels and sentences.
 
-    **Raises:** `DataError` if a band cannot be read.
+    **Raises:** `DataError` if no band of several can be read.
     """
-    bands = {n: read_band(file, band=n) for n, file in folder.bands.items()}
+    bands, broken = _readable_bands(folder)
     # The last one, for the others may be of a finer and slower grid.
     some = next(reversed(bands.values()), None)
     yield "scene", str(folder.path)
@@ -41,13 +44,35 @@ def folder_rows(folder: SceneFolder) -> Iterator[Row]:
         yield "sun", _sun(some)
     for band in bands.values():
         yield f"band {band.number}", _band(band)
-    missing = sorted(set(range(1, 17)) - set(bands))
+    for number, error in broken.items():
+        yield f"band {number}", f"cannot be used: {error}"
+    for note in dict.fromkeys(note for band in bands.values() for note in band.notes):
+        yield "mind", note
+    missing = sorted(set(range(1, 17)) - set(bands) - set(broken))
     yield "missing", f"bands {_listed(missing)}" if missing else "no band"
     yield "products", ", ".join(sorted(folder.products)) or "none"
     yield from _weather_rows(folder, some)
     yield "settings", ", ".join(folder.settings) or "none (no scene.toml)"
-    if folder.ignored:
-        yield "ignored", ", ".join(file.name for file in folder.ignored)
+    strangers = [file for file in folder.ignored if file not in folder.unreadable]
+    if strangers:
+        yield "ignored", ", ".join(file.name for file in strangers)
+    if folder.unreadable:
+        names = ", ".join(file.name for file in folder.unreadable)
+        yield "unreadable", f"{names}: left alone"
+
+
+def _readable_bands(
+    folder: SceneFolder,
+) -> tuple[dict[int, AbiBand], dict[int, DataError]]:
+    bands, broken = {}, {}
+    for number, file in folder.bands.items():
+        try:
+            bands[number] = read_band(file, band=number)
+        except DataError as error:
+            broken[number] = error
+    if broken and not bands:
+        raise next(iter(broken.values()))
+    return bands, broken
 
 
 def run_rows(
@@ -74,6 +99,10 @@ def run_rows(
         "cloud pixels",
         f"{imagery.rule} ({target.cloud_fraction:.1%} of the good ones)",
     )
+    missing = missing_share(target, sees_the_earth(imagery.grid))
+    yield "missing pixels", f"{missing:.1%} of those that see the Earth"
+    for note in imagery.notes:
+        yield "mind", note
     sunlit, emissive = (
         [b.number for b in bands] for bands in (imagery.sunlit, imagery.emissive)
     )
@@ -85,7 +114,7 @@ def run_rows(
     yield "shadows", "left out: renders have them, fits none"
     yield from _layer_rows(inputs)
     yield "advection", _advection(made_of)
-    yield "surface", "radiances of the clear pixels around, as seen from space"
+    yield "surface", _surface(target)
     profile = (
         f"the mean profile of {inputs.analysis.cube.path.name}"
         if inputs.analysis
@@ -93,6 +122,12 @@ def run_rows(
     )
     yield "temperature", profile
     yield from _air_rows(made_of, profile)
+
+
+def _surface(target: Target) -> str:
+    if target.cloud_fraction == 1:
+        return "the table of land and sea, for no pixel is clear"
+    return "radiances of the clear pixels around, as seen from space"
 
 
 def _air_rows(made_of: SceneFromImagery, profile: str) -> Iterator[Row]:
@@ -162,8 +197,13 @@ def _band(band: AbiBand) -> str:
     kind = "reflective" if _is_reflective(band) else "thermal"
     return (
         f"{band.wavelength_um:5.2f} µm {kind:<10} {rows} x {columns} at {km:.1f} km, "
-        f"{band.good.mean():.2%} good"
+        f"{_good_share(band):.2%} good"
     )
+
+
+def _good_share(band: AbiBand) -> float:
+    """Of the pixels that see the Earth."""
+    return float(band.good.sum() / max(sees_the_earth(band.grid).sum(), 1))
 
 
 def _is_reflective(band: AbiBand) -> bool:

@@ -1,6 +1,7 @@
 """Options that several commands share."""
 
 import functools as ft
+from datetime import UTC, datetime
 
 import click
 
@@ -20,6 +21,21 @@ class BandList(click.ParamType):
         if not all(1 <= number <= 16 for number in numbers):
             self.fail(f"{value!r} names a band that ABI lacks: it has 1 to 16")
         return tuple(numbers)
+
+
+class Time(click.ParamType):
+    """A time in ISO 8601, of UTC unless it says otherwise."""
+
+    name = "time"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, datetime):
+            return value
+        try:
+            time = datetime.fromisoformat(value)
+            return time.replace(tzinfo=time.tzinfo or UTC).astimezone(UTC)
+        except (ValueError, OverflowError):
+            self.fail(f"{value!r} is not a time such as 2023-04-26T17:00")
 
 
 scene_argument = click.argument("scene", type=click.Path(path_type=str))

@@ -1,11 +1,11 @@
 """`cloudjax render`."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import click
 
-from .options import bands_option, classes_option, ignore_weather_option
+from .options import Time, bands_option, classes_option, ignore_weather_option
 
 
 class Place(click.ParamType):
@@ -23,7 +23,6 @@ class Place(click.ParamType):
 
 _OF_SCENES = ("parameters", "ignore_weather")
 _OF_SENSORS = ("time", "longitude", "centre")
-_TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
 
 
 @click.command()
@@ -59,7 +58,7 @@ _TIMES = click.DateTime(["%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S"])
     metavar="GRIB",
     help="Sensor: a global analysis; again for those of other times.",
 )
-@click.option("--time", type=_TIMES, help="Sensor: UTC.  [default: of the weather]")
+@click.option("--time", type=Time(), help="Sensor: UTC.  [default: of the weather]")
 @click.option("--frames", type=click.IntRange(1), default=1, help="Sensor: images.")
 @click.option(
     "--minutes",
@@ -93,8 +92,9 @@ def render(target, output, bands, weather, **options) -> None:
 
 
 def _writable(output: str) -> Path:
-    from cloudjax_data.whole_files import require_writable
+    from cloudjax_data.whole_files import require_plain, require_writable
 
+    require_plain(output)
     path = Path(output)
     if path.suffix != ".nc":
         raise click.UsageError(f"the output is a netCDF file, and {output} is not *.nc")
@@ -176,7 +176,6 @@ def _render_frames(world, view, chosen, path, options, resolution, quantities) -
 
     frames = options["frames"]
     start = options["time"] or world.series.times[0]
-    start = start.replace(tzinfo=UTC)
     _require_near(start, world)
     _require_near(start + timedelta(minutes=(frames - 1) * options["minutes"]), world)
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):

@@ -20,6 +20,7 @@ def report(a, b, output) -> None:
     """
     import importlib.metadata
 
+    from cloudjax_data.plain_path import printable
     from cloudjax_data.whole_files import require_writable, staged
     from cloudjax_fit.comparison import compare, read_radiances
     from cloudjax_fit.report import write_comparison
@@ -29,7 +30,8 @@ def report(a, b, output) -> None:
     versions = {
         name: importlib.metadata.version(name) for name in ("cloudjax", "numpy")
     }
-    comparison = compare(read_radiances(a), read_radiances(b), (a, b), versions)
+    names = printable(a), printable(b)
+    comparison = compare(read_radiances(a), read_radiances(b), names, versions)
     with staged(folder, last=PAGE) as aside:
         write_comparison(aside / PAGE, comparison)
     for band in comparison.bands:

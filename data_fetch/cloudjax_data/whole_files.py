@@ -8,14 +8,25 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import DataError
+from .plain_path import is_plain, printable
+
+
+def require_plain(path: str | os.PathLike[str]) -> None:
+    """Raise `DataError` for a name of an output that is no text."""
+    if not is_plain(path):
+        raise DataError(
+            f"{printable(path)} has bytes in its name that are no UTF-8, where netCDF "
+            "files cannot be written: choose another name for the output."
+        )
 
 
 def require_writable(folder: str | os.PathLike[str]) -> None:
     """Find out before long work, and without a trace, whether a folder can be written.
 
-    **Raises:** `DataError` if it cannot be made or written to.
+    **Raises:** `DataError` if it cannot be made or written to, or its name is no text.
     """
     folder = Path(folder)
+    require_plain(folder)
     nearest = next(p for p in (folder, *folder.absolute().parents) if p.exists())
     if not nearest.is_dir():
         raise DataError(f"{nearest} is a file: choose a folder for the output.")

@@ -19,7 +19,7 @@ SHAPE = (4, 6)
 COEFFICIENTS = ("planck", "kappa0", "esun", "earth_sun")
 
 
-def _write(folder, sector="F", platform="G16", numbers=range(1, 17)):
+def _write(folder, sector="F", platform="G16", numbers=tuple(range(1, 17))):
     rng = np.random.default_rng(1)
     radiance = {
         n: default_calibration(n).radiance(
