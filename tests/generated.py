@@ -175,6 +175,11 @@ def write_abi_cmi(
             )
             _write_flags(file, f"DQF{suffix}", flags)
             _write_band(file, suffix, band, EARTH_SUN_DISTANCE_AU, {})
+            kind = "brightness_temperature" if band >= 7 else "reflectance_factor"
+            for end, found in (("min", np.nanmin), ("max", np.nanmax)):
+                extreme = np.float32(found(values))
+                held = f"{end}_{kind}{suffix}"
+                _write_scalar(file, held, extreme, {"units": units}, fill=ABSENT)
     return folder / name
 
 
@@ -249,6 +254,15 @@ def _write_grid(file: netCDF4.Dataset, grid: FixedGrid) -> None:
         axis.units = "rad"
         axis.standard_name = f"projection_{name}_coordinate"
         axis[:] = np.arange(angles.size)
+    if "number_of_image_bounds" not in file.dimensions:
+        file.createDimension("number_of_image_bounds", 2)
+    for name, angles in (("y", grid.y_rad), ("x", grid.x_rad)):
+        half = (angles[-1] - angles[0]) / max(angles.size - 1, 1) / 2
+        ends = np.array([angles[0] - half, angles[-1] + half], np.float32)
+        dimensions = ("number_of_image_bounds",)
+        file.createVariable(f"{name}_image_bounds", "f4", dimensions)[:] = ends
+    place = np.float32(grid.subsatellite_longitude_deg)
+    _write_scalar(file, "nominal_satellite_subpoint_lon", place, {}, fill=ABSENT)
     attributes = cf_attributes(grid)
     attributes["long_name"] = "GOES-R ABI fixed grid projection"
     _write_scalar(file, "goes_imager_projection", np.int32(-2147483647), attributes)

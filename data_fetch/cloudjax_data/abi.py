@@ -15,7 +15,7 @@ from cloudjax.geometry.fixed_grid import FixedGrid
 from .abi_calibration import read_calibration
 from .abi_grid import read_fixed_grid, sees_the_earth
 from .abi_identity import read_identity
-from .abi_image import PackedImage, packed_image
+from .abi_image import PackedImage, check_extremes, packed_image
 from .calibration import Calibration
 from .errors import DataError
 from .image_part import Box, ImagePart, block_means, image_part
@@ -119,6 +119,7 @@ def read_band(
         grid = read_fixed_grid(file)
         part = image_part(path, grid.shape, window, block)
         radiance, good, impossible = _image(image, flags, grid, part, best)
+        check_extremes(file, path, suffix, radiance, calibration)
         read = AbiBand(
             number=number,
             wavelength_um=_wavelength(file, path, number, suffix),

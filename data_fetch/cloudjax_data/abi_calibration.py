@@ -17,8 +17,8 @@ _DISTANCE = "earth_sun_distance_anomaly_in_AU"
 # Coefficients differ by less between the satellites of the series; a band differs by
 # more from the next one.
 _LIKE_NOMINAL = 0.05
-_LIKE_NOMINAL_BC1 = 0.5
-_LIKE_NOMINAL_BC2 = 0.01
+# Of the corrections for the width of the band, which are small: bc1 and 1 - bc2.
+_LIKE_NOMINAL_WIDTH = 0.3
 
 
 def read_calibration(
@@ -91,8 +91,8 @@ def _contradiction(calibration: Calibration, usual: Nominal) -> str | None:
         fk1, fk2, bc1, bc2 = usual.planck
         pairs = {"fk1": (calibration.fk1, fk1), "fk2": (calibration.fk2, fk2)}
         apart = {
-            "bc1": (calibration.bc1, bc1, _LIKE_NOMINAL_BC1),
-            "bc2": (calibration.bc2, bc2, _LIKE_NOMINAL_BC2),
+            "bc1": (calibration.bc1, bc1, _LIKE_NOMINAL_WIDTH * bc1),
+            "bc2": (calibration.bc2, bc2, _LIKE_NOMINAL_WIDTH * (1 - bc2)),
         }
     for name, (value, expected) in pairs.items():
         if abs(value / expected - 1) > _LIKE_NOMINAL:

@@ -1,7 +1,5 @@
 """The scan angles of an ABI file, checked against the one projection that ABI has."""
 
-from typing import Literal, cast
-
 import netCDF4
 import numpy as np
 from jaxtyping import Bool
@@ -29,6 +27,7 @@ _UNEVEN_RAD = 2e-6
 _SAME = 1e-6
 # A satellite drifts about the longitude of its projection, and is moved at times.
 _DRIFT_DEG = 5.0
+_SLOTS_DEG = {"GOES-East": -75.0, "GOES-West": -137.0}
 _RADIANS = {"rad": 1.0, "radian": 1.0, "radians": 1.0, "microradian": 1e-6}
 _METRES = ("m", "meter", "meters", "metre", "metres")
 
@@ -47,13 +46,17 @@ def read_fixed_grid(file: netCDF4.Dataset) -> FixedGrid:
         number_attribute(projection, "semi_minor_axis"),
     )
     sweep = str(attribute(projection, "sweep_angle_axis"))
+    if sweep != "x":
+        raise DataError(
+            f"{file.filepath()} sweeps {sweep!r}, and ABI sweeps 'x': download it "
+            "again."
+        )
     grid = FixedGrid(
         x_rad=_scan_angles(file, "x", height),
         y_rad=_scan_angles(file, "y", height),
         subsatellite_longitude_deg=_longitude(file, projection),
         perspective_height_m=height,
         ellipsoid=ellipsoid,
-        sweep=cast(Literal["x", "y"], sweep),
     )
     usual = FixedGrid(grid.x_rad, grid.y_rad, 0.0)
     pairs = (
@@ -67,11 +70,6 @@ def read_fixed_grid(file: netCDF4.Dataset) -> FixedGrid:
                 f"{file.filepath()} gives its projection a {name} of {value:g} m, and "
                 f"ABI's is {expected:.10g} m: download it again."
             )
-    if sweep != usual.sweep:
-        raise DataError(
-            f"{file.filepath()} sweeps {sweep!r}, and ABI sweeps {usual.sweep!r}: "
-            "download it again."
-        )
     return grid
 
 
@@ -104,13 +102,14 @@ def _longitude(file: netCDF4.Dataset, projection: netCDF4.Variable) -> float:
             "it again."
         )
     longitude = given if given <= 180 else given - 360
-    nominal = scalar(file, "nominal_satellite_subpoint_lon")
-    if nominal is not None:
-        apart = abs((longitude - nominal + 180) % 360 - 180)
-        if apart > _DRIFT_DEG:
+    slot = _SLOTS_DEG.get(str(getattr(file, "orbital_slot", "")))
+    for place in (scalar(file, "nominal_satellite_subpoint_lon"), slot):
+        if place is None:
+            continue
+        if abs((longitude - place + 180) % 360 - 180) > _DRIFT_DEG:
             raise DataError(
                 f"{file.filepath()} contradicts itself (its projection is of longitude "
-                f"{longitude:g}, its satellite over {nominal:g}): download it again."
+                f"{longitude:g}, its satellite over {place:g}): download it again."
             )
     return longitude
 
@@ -134,11 +133,29 @@ def _scan_angles(file: netCDF4.Dataset, name: str, height_m: float) -> np.ndarra
         # that, or the far end of a full disk is off by a tenth of a pixel.
         angles = angles * round(scale, 6) + round(offset, 6)
     if valid.all() and _is_even(angles):
+        _check_within_image(file, name, angles)
         return angles
     raise DataError(
         f"{file.filepath()} has scan angles {name!r} that are missing, uneven or none "
         "that a satellite has of the Earth: download it again."
     )
+
+
+def _check_within_image(file: netCDF4.Dataset, name: str, angles: np.ndarray) -> None:
+    """A part of an image is within what the file says are its bounds."""
+    held = f"{name}_image_bounds"
+    if held not in file.variables:
+        return
+    bounds, valid = counts(variable(file, held))
+    slack = abs(angles[-1] - angles[0]) / max(angles.size - 1, 1) + _UNEVEN_RAD
+    if bounds.size != 2 or not valid.all():
+        return
+    low, high = bounds.min() - slack, bounds.max() + slack
+    if angles.min() < low or angles.max() > high:
+        raise DataError(
+            f"{file.filepath()} contradicts itself (its scan angles {name!r} reach "
+            f"beyond {held!r}): download it again."
+        )
 
 
 def _radians_per_unit(

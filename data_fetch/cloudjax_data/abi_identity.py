@@ -49,12 +49,18 @@ def read_identity(file: netCDF4.Dataset, path: Path, number: int) -> AbiIdentity
             f"{path} is of a satellite {platform!r}, and ABI flies on G16 to G19: use "
             "files of ABI."
         )
+    slot = str(attribute(file, "orbital_slot"))
+    if not slot.startswith("GOES"):
+        raise DataError(
+            f"{path} has an orbital slot {slot!r}, which is none of GOES: download it "
+            "again."
+        )
     # the header knows its original name; the file may have been renamed
     header = parse_abi_name(str(getattr(file, "dataset_name", "")))
     names = [name for name in (header, parse_abi_name(path.name)) if name is not None]
     identity = AbiIdentity(
         platform,
-        str(attribute(file, "orbital_slot")),
+        slot,
         names[0].sector if names else _sector(file, path),
         _time(file, path, "time_coverage_start"),
         _time(file, path, "time_coverage_end"),
@@ -113,7 +119,7 @@ def _middle(file: netCDF4.Dataset) -> datetime | None:
     try:
         date = cftime.num2date(value, units, calendar, only_use_cftime_datetimes=False)
         return datetime.fromisoformat(date.isoformat()).replace(tzinfo=UTC)
-    except (ValueError, OverflowError, AttributeError, TypeError):
+    except (ValueError, OverflowError, AttributeError, TypeError, KeyError):
         return None
 
 

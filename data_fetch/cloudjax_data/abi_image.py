@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import netCDF4
 import numpy as np
+from jaxtyping import Float32
 
 from .calibration import (
     WAVELENGTH_UNITS,
@@ -15,7 +17,8 @@ from .calibration import (
 from .errors import DataError
 from .image_part import Box
 from .image_plane import ImagePlane
-from .packed import scale_and_offset
+from .nominal import lost_offset
+from .packed import scalar, scale_and_offset
 
 
 # No scene is darker or brighter: the packing of ABI reaches from -0.05 to 1.5, and its
@@ -25,6 +28,7 @@ _HOTTEST_K = 450.0
 # Noise about zero, as a share of the radiance of 300 K; CMI files begin at 89 K.
 _NOISE = 0.2
 _COLDEST_K = 80.0
+_BEYOND_K = 30.0
 
 _SAME_UNITS = {
     WAVELENGTH_UNITS: ("W m-2 sr-1 um-1", "W/(m2 sr um)", "W m^-2 sr^-1 um^-1"),
@@ -98,13 +102,48 @@ def packed_image(
             f"{path} gives band {number} in {given!r} and not in {expected!r}: "
             "download it again."
         )
-    scale, offset = scale_and_offset(plane.variable)
+    from_zero = expected == "1"
+    scale, offset = scale_and_offset(plane.variable, from_zero=from_zero)
+    if plane.variable.name == "Rad" and lost_offset(number, scale, offset):
+        raise DataError(
+            f"{path} packs band {number} with the scale of ABI and an offset of "
+            f"{offset:g}, which is not ABI's: download it again."
+        )
     if not scale > 0:
         raise DataError(
             f"{path} packs band {number} with a scale of {scale:g}, and those of ABI "
             "are positive: download it again."
         )
     return PackedImage(plane, calibration, scale, offset)
+
+
+def check_extremes(
+    file: netCDF4.Dataset,
+    path: Path,
+    suffix: str,
+    radiance: Float32[np.ndarray, "y x"],
+    calibration: Calibration,
+) -> None:
+    """Check brightness temperatures against the extremes that a CMI file tells.
+
+    A part of an image lies within them, and so does one that was changed a little.
+
+    **Raises:** `DataError` if some are tens of kelvins beyond: the packing is lost.
+    """
+    ends = [scalar(file, f"{e}_brightness_temperature{suffix}") for e in ("min", "max")]
+    low, high = ends
+    known = radiance[np.isfinite(radiance)]
+    if low is None or high is None or not known.size:
+        return
+    if not isinstance(calibration, EmissiveCalibration):
+        return
+    found = calibration.brightness_temperature_k(np.array([known.min(), known.max()]))
+    if found[0] < low - _BEYOND_K or found[1] > high + _BEYOND_K:
+        raise DataError(
+            f"{path} contradicts itself (it tells temperatures of {low:.0f} to "
+            f"{high:.0f} K and holds {found[0]:.0f} to {found[1]:.0f} K): download it "
+            "again."
+        )
 
 
 def _plain(units: str) -> str:

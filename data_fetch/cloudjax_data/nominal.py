@@ -10,9 +10,15 @@ import numpy as np
 
 FIRST_EMISSIVE = 7
 
-# How L1b files pack their radiances, on all satellites: scale and offset of the counts
-# [mW m-2 sr-1 (cm-1)-1].
+# How L1b files pack their radiances, on all satellites: scale and offset of the counts,
+# in the units of the radiances.
 _PACKING = {
+    1: (0.8121064, -25.936647),
+    2: (0.15859237, -20.289911),
+    3: (0.37691253, -12.037643),
+    4: (0.07073108, -4.5223684),
+    5: (0.09580004, -3.0596137),
+    6: (0.030088475, -0.9609507),
     7: (0.001564351, -0.0376),
     8: (0.007104763, -0.5586),
     9: (0.022539102, -0.8236),
@@ -62,6 +68,16 @@ def smallest_positive_radiance(number: int) -> float:
     """
     scale, offset = _PACKING[number]
     return float((np.floor(-offset / scale) + 1) * scale + offset)
+
+
+def lost_offset(number: int, scale: float, offset: float) -> bool:
+    """Tell whether a packing has the scale of L1b files of a band and another offset.
+
+    Tools that pack anew choose both.
+    """
+    usual_scale, usual_offset = _PACKING[number]
+    same = abs(scale / usual_scale - 1) < 1e-5
+    return same and abs(offset - usual_offset) > 0.1 * scale
 
 
 @ft.cache

@@ -144,11 +144,23 @@ def counts(
     return stored, np.asarray(valid)
 
 
-def scale_and_offset(packed: netCDF4.Variable) -> tuple[float, float]:
+def scale_and_offset(
+    packed: netCDF4.Variable, *, from_zero: bool = False
+) -> tuple[float, float]:
     """Return scale and offset of a packed variable: value = count * scale + offset.
 
-    Raises `DataError` for those that are no numbers.
+    **Arguments:** `from_zero`: whether there need be no offset.
+
+    Raises `DataError` for those that are no numbers, and for whole numbers of which one
+    of the two is lost.
     """
+    held = [name in packed.ncattrs() for name in ("scale_factor", "add_offset")]
+    if packed.dtype.kind != "f" and (held[1] or not from_zero) and not all(held):
+        path, of = _called(packed)
+        raise DataError(
+            f"{path} packs {of} without a scale or without an offset, so that its "
+            "counts mean nothing: download it again."
+        )
     return (
         number_attribute(packed, "scale_factor", 1.0),
         number_attribute(packed, "add_offset", 0.0),
@@ -171,7 +183,14 @@ def _is_unsigned(packed: netCDF4.Variable) -> bool:
         return False
     said = getattr(packed, "_Unsigned", None)
     if said is not None:
-        return str(said).lower() == "true"
+        word = str(said).strip().lower()
+        if word in ("true", "false"):
+            return word == "true"
+        path, of = _called(packed)
+        raise DataError(
+            f"{path} says {said!r} of whether {of} is unsigned, and not true or false: "
+            "download it again."
+        )
     # Of signed numbers, a range would not end before it begins.
     low, high = _stated_range(packed)
     return low is not None and high is not None and bool(low > high)

@@ -31,9 +31,9 @@ from cloudjax.toml_table import (
     TomlError,
     checked,
     is_whole,
-    least,
     one_of,
     require_known,
+    within,
 )
 from cloudjax_data import DataError
 from cloudjax_scenes.cloud_rule import BRIGHT, COLD_K, CloudRule, default_rule
@@ -47,9 +47,13 @@ from .scene_parameters import known_names, scene_parameters
 
 
 # The finest texture has 64 cells per period, of two voxels each at least.
-_FIT = dict.fromkeys((f.name for f in dataclasses.fields(FitSettings)), least(1)) | {
-    "resolution": least(128),
-    "seed": least(0),
+_FIT = {
+    "rays": within(1, 10**9),
+    "steps": within(1, 10**4),
+    "resolution": within(128, 1024),
+    "starts": within(1, 10**4),
+    "max_steps": within(1, 10**6),
+    "seed": within(0, 2**62),
     "light": one_of(list(LIGHTS)),
 }
 _BAND = Kind("a whole number from 1 to 16", lambda n: is_whole(n) and 1 <= n <= 16)

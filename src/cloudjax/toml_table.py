@@ -73,6 +73,12 @@ def least(number: int) -> Kind:
     return Kind(words, lambda value: is_whole(value) and value >= number)
 
 
+def within(least: int, most: int) -> Kind:
+    """Return the kind of whole numbers from one to another."""
+    words = f"a whole number from {least} to {most}"
+    return Kind(words, lambda value: is_whole(value) and least <= value <= most)
+
+
 def one_of(words: Collection[str]) -> Kind:
     """Return the kind of texts that are one of these."""
     return Kind(" or ".join(words), lambda value: value in list(words))
