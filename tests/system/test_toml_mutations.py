@@ -88,7 +88,9 @@ def settings_difference(inputs: FitInputs, file: Path) -> str | None:
         if rule[key] != (None if value is False else value):
             return f"takes {key} for {rule[key]}"
     by_name = {p.name: p for p in inputs.parameters}
-    for name, table in said.get("parameters", {}).items():
+    # Those of other bands and classes than the scene has are left out.
+    held = {n: t for n, t in said.get("parameters", {}).items() if n in by_name}
+    for name, table in held.items():
         for key, value in table.items():
             if getattr(by_name[name], key) != value:
                 return f"takes {key} of {name} for {getattr(by_name[name], key)}"

@@ -159,7 +159,7 @@ def _prior(table: Any, where: str) -> Prior:
 
 
 def _texture(table: Any, where: str) -> ClassTexture:
-    if not isinstance(table, Mapping) or table.get("fractal") not in _FRACTALS:
+    if not isinstance(table, Mapping) or table.get("fractal") not in list(_FRACTALS):
         kinds = " or ".join(f'"{kind}"' for kind in _FRACTALS)
         raise TomlError(f"{where} must be a table with fractal = {kinds}.")
     fractal = _FRACTALS[table["fractal"]]
