@@ -32,8 +32,10 @@ def _write(folder, sector="F", platform="G16", numbers=tuple(range(1, 17))):
     )
 
 
-@pytest.mark.parametrize("sector", ["F", "C", "M1", "M2"])
-@pytest.mark.parametrize("platform", ["G16", "G17", "G19"])
+@pytest.mark.parametrize(
+    ("sector", "platform"),
+    [("F", "G16"), ("C", "G19"), ("M1", "G17"), ("M2", "G18")],
+)
 def test_temperatures_and_reflectances_come_back(tmp_path, sector, platform):
     """By the automatic decoding of netCDF4, to the rounding of float32."""
     path = _write(tmp_path, sector, platform, (1, 2, 6, 7, 10, 13, 16))

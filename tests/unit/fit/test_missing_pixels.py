@@ -77,8 +77,10 @@ def missing(kind: str) -> np.ndarray:
 KINDS = ("west", "half way", "stripes", "most of a block")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("how", ["fill", 1, 2, 3, 4])
+@pytest.mark.parametrize(
+    ("kind", "how"),
+    [*((kind, "fill") for kind in KINDS), *(("west", flag) for flag in (1, 2, 3, 4))],
+)
 def test_a_target_is_of_the_pixels_with_data(tmp_path, kind, how):
     """By numpy: share, blocks and mean of the pixels that are left."""
     kelvin, gone = night_kelvin(), missing(kind)
