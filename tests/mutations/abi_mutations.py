@@ -91,7 +91,7 @@ def pairs(mutations: list[Mutation], count: int, seed: int) -> list[Mutation]:
     return found
 
 
-def _in_content(name: str, change: Callable[[Content], None]) -> Mutation:
+def _in_content(name: str, change: Callable[[Content], object]) -> Mutation:
     return Mutation(name, lambda path: changed(path, change))
 
 

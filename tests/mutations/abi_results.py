@@ -66,9 +66,8 @@ def _of_pixels(found: AbiResult, right: AbiResult, where, may_lose: bool) -> str
         return "loses pixels in silence"
     # Nominal coefficients are others than those of the file, by less than a percent.
     told = any("nominal" in note or "date does" in note for note in found.band.notes)
-    close = {"rtol": 0.05 if told else 2e-6, "atol": 1e-6}
     radiance = found.band.radiance[good], right.band.radiance[where][good]
-    if not np.allclose(*radiance, **close):
+    if not np.allclose(*radiance, rtol=0.05 if told else 2e-6, atol=1e-6):
         return "has other radiances"
     shown = found.shown[good], right.shown[where][good]
     if not np.allclose(*shown, rtol=0.02 if told else 1e-5, atol=1e-5):

@@ -85,14 +85,14 @@ def settings_difference(inputs: FitInputs, file: Path) -> str | None:
             return f"takes {key} for {getattr(taken.fit, key)}"
     rule = dataclasses.asdict(inputs.target.imagery.rule)
     for key, value in said.get("rule", {}).items():
-        if rule[key] != (None if value is False else value):
+        if _difference(None if value is False else value, rule[key]):
             return f"takes {key} for {rule[key]}"
     by_name = {p.name: p for p in inputs.parameters}
     # Those of other bands and classes than the scene has are left out.
     held = {n: t for n, t in said.get("parameters", {}).items() if n in by_name}
     for name, table in held.items():
         for key, value in table.items():
-            if getattr(by_name[name], key) != value:
+            if _difference(value, getattr(by_name[name], key)):
                 return f"takes {key} of {name} for {getattr(by_name[name], key)}"
     return None
 

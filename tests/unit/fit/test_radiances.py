@@ -63,7 +63,8 @@ def test_single_abi_files_are_read_by_the_data_package(
     tmp_path, monkeypatch, variables, expected
 ):
     def read_band(path, band=7):
-        return SimpleNamespace(number=band, units=THERMAL, radiance=np.ones((2, 2)))
+        ones = np.ones((2, 2))
+        return SimpleNamespace(number=band, units=THERMAL, radiance=ones, grid=None)
 
     monkeypatch.setattr(cloudjax_data, "read_band", read_band)
     xr.Dataset({name: ("y", [0.0]) for name in variables}).to_netcdf(tmp_path / "a.nc")
