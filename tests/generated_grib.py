@@ -60,7 +60,8 @@ def scanned_axes(rows: int, columns: int, scan: int) -> tuple[range, range]:
 
 def in_order(values: np.ndarray, scan: int) -> np.ndarray:
     """The points of a field, rows from the north, one by one as they are scanned."""
-    rows, columns = scanned_axes(*values.shape, scan)
+    count, across = values.shape
+    rows, columns = scanned_axes(count, across, scan)
     points, back = [], False
     for outer in columns if scan & 0x20 else rows:
         line = rows if scan & 0x20 else columns

@@ -20,6 +20,8 @@ from .weather_grid import on_plain_axes, oriented, places_held
 
 # Of all columns: so many may end below an altitude that is asked for.
 _FEW_COLUMNS = 0.01
+# 12 km: what ends below leaves out air that holds clouds.
+_LOW_TOP_HPA = 200.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +102,29 @@ class WeatherCube:
             f"latitudes {φ.min():.4g} to {φ.max():.4g} and longitudes {λ.min():.4g} to "
             f"{λ.max():.4g}"
         )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Say what it lacks, in sentences."""
+        name, levels = self.path.name, self.data["level"].to_numpy()
+        lost = {p for held in self.lost_levels_hpa.values() for p in held}
+        said = []
+        for level in sorted((p for p in lost if p > levels[-1]), reverse=True):
+            lacking = [
+                variable
+                for variable in REQUIRED
+                if level not in self.lost_levels_hpa.get(variable, ())
+            ]
+            said.append(
+                f"{name} lacks {', '.join(lacking)} at {level:g} hPa: nothing is taken "
+                "from that level."
+            )
+        if levels[-1] > _LOW_TOP_HPA:
+            said.append(
+                f"{name} ends at {levels[-1]:g} hPa: the air above is that of the "
+                "standard atmosphere."
+            )
+        return tuple(said)
 
     def at_altitude(self, altitude_m: float) -> xr.Dataset:
         """Interpolate the variables on levels (but `gh`) to a height above sea level.
