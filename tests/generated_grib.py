@@ -24,7 +24,7 @@ def write_grib(
     **Arguments:**
 
     - `fields`: by GRIB short name and level in hPa (0 for the surface, 2 for the air
-        two metres above it), `[latitude, longitude]` in the order of the axes; NaN is
+        two metres above it, from 2000 on in Pa), `[latitude, longitude]` in the order of the axes; NaN is
         masked by a bitmap.
     - `latitude_deg`: descending, as in GFS files; `longitude_deg`: ascending eastward.
     - `scan`: the order in which the points are written, flags of GRIB: 0x80 columns
@@ -113,7 +113,8 @@ def write_lambert_grib(
 
 def _type_of_level(level: int) -> str:
     near_the_ground = {0: "surface", 2: "heightAboveGround"}
-    return near_the_ground.get(level, "isobaricInhPa")
+    pressure = "isobaricInhPa" if level < 2000 else "isobaricInPa"
+    return near_the_ground.get(level, pressure)
 
 
 def _write_messages(

@@ -15,7 +15,7 @@ from .errors import DataError
 
 # Of a step: numbers that agree so far are the same but for rounding.
 _SAME = 1e-2
-# Increments were rounded to this [degrees], in edition 1 and in what came from it.
+# Increments and ends are rounded to this [degrees], in edition 1 and what came from it.
 _ROUNDED_DEG = 0.6e-3
 
 
@@ -87,11 +87,12 @@ def _step(span: float, increment: float | None, count: int) -> float | None:
         return None
     if increment is None:
         return step
-    # Last points that are a whole number of steps away are wrong, and not rounded.
-    excess = (span - (count - 1) * increment) / increment
-    whole = abs(excess - round(excess)) < _SAME
-    if whole and round(excess) == 0:
+    excess = span - (count - 1) * increment
+    if abs(excess) < min(_SAME * increment, (count + 1) * _ROUNDED_DEG):
         return step
+    # Last points that are a whole number of steps away are wrong, and not rounded.
+    steps = excess / increment
+    whole = abs(steps - round(steps)) < _SAME
     return step if abs(step - increment) < _ROUNDED_DEG and not whole else None
 
 

@@ -65,7 +65,7 @@ def _offsets(path: Path, content: mmap.mmap) -> Iterator[int]:
                 "end where it says, download it again."
             )
         yield start
-    if content[end:].strip(_PADDING):
+    if not number or content[end:].strip(_PADDING):
         raise DataError(_not_grib(path, end))
 
 
