@@ -24,8 +24,8 @@ def write_grib(
     **Arguments:**
 
     - `fields`: by GRIB short name and level in hPa (0 for the surface, 2 for the air
-        two metres above it, from 2000 on in Pa), `[latitude, longitude]` in the order of the axes; NaN is
-        masked by a bitmap.
+        two metres above it, from 2000 on in Pa), `[latitude, longitude]` in the order
+        of the axes; NaN is masked by a bitmap.
     - `latitude_deg`: descending, as in GFS files; `longitude_deg`: ascending eastward.
     - `scan`: the order in which the points are written, flags of GRIB: 0x80 columns
         from the east, 0x40 rows from the south, 0x20 column by column, 0x10 every other

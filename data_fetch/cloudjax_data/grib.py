@@ -23,6 +23,8 @@ PRESSURE = "isobaricInhPa"
 
 # Where eccodes names levels that are no whole number of hectopascals.
 _PASCALS = "isobaricInPa"
+# More than any pressure needs.
+_DIGITS = 9
 # Greater than anything that a field may hold.
 _MISSING = float(np.finfo(np.float32).max)
 # Analyses, forecasts, members of ensembles (GRIB 2, code table 4.0), and their means.
@@ -136,9 +138,18 @@ class _Message:
     @property
     def level(self) -> float:
         level = float(self.get("level", float) or 0.0)
-        if self.get("typeOfLevel", str) == _PASCALS:
-            return level / 100
-        return level
+        if self.kind[0] != PRESSURE:
+            return level
+        if self.get("edition") == 1:
+            return level / 100 if self.get("typeOfLevel", str) == _PASCALS else level
+        # eccodes cuts 92.5 hPa down to 92.
+        scaled, factor = (
+            self.get(f"scale{part}OfFirstFixedSurface", int)
+            for part in ("dValue", "Factor")
+        )
+        if scaled is None or factor is None or abs(factor) > _DIGITS:
+            return 0.0
+        return scaled / 10.0**factor / 100
 
     @property
     def is_plain(self) -> bool:

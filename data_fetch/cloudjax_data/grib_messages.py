@@ -1,4 +1,4 @@
-"""Where the messages of a GRIB file are, and what else is between them.
+"""Messages of a GRIB file are found, and what else is between them.
 
 eccodes skips what it does not recognise, so that a damaged or shortened file would
 merely seem to hold fewer levels.
