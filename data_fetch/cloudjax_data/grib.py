@@ -133,7 +133,7 @@ class _Message:
         level_type = self.get("typeOfLevel", str)
         if level_type == _PASCALS:
             level_type = PRESSURE
-        return level_type, self.get("shortName", str)
+        return level_type or "unknown", self.get("shortName", str) or "unknown"
 
     @property
     def level(self) -> float:
@@ -149,7 +149,7 @@ class _Message:
         )
         if scaled is None or factor is None or abs(factor) > _DIGITS:
             return 0.0
-        return scaled / 10.0**factor / 100
+        return round(scaled / 10.0**factor / 100, _DIGITS)
 
     @property
     def is_plain(self) -> bool:
@@ -177,8 +177,8 @@ class _Message:
             name=name,
             units=self.get("units", str),
             level=self.level,
-            start=self._time("data"),
-            valid_time=self._time("validity"),
+            start=self._start(),
+            valid_time=self._valid_time(),
             member=self._member(),
             grid=grid,
             winds_along_grid=bool(self.get("uvRelativeToGrid")),
@@ -193,15 +193,25 @@ class _Message:
         template = self.get("productDefinitionTemplateNumber")
         return None if template in (0, _OF_ENSEMBLES) else number
 
-    def _time(self, which: str) -> datetime:
-        date, time = (self.get(f"{which}{part}", int) for part in ("Date", "Time"))
+    def _start(self) -> datetime:
+        names = ("year", "month", "day", "hour", "minute", "second")
+        parts = [self.get(name, int) or 0 for name in names]
+        return self._time(*parts)
+
+    def _valid_time(self) -> datetime:
+        date, time = (
+            self.get(f"validity{part}", int) or 0 for part in ("Date", "Time")
+        )
+        day = date // 10000, date // 100 % 100, date % 100
+        return self._time(*day, time // 100, time % 100, self.get("second", int) or 0)
+
+    def _time(self, *parts: int) -> datetime:
         try:
-            text = f"{date:08d}{time:04d}{self.get('second') or 0:02d}"
-            return datetime.strptime(text, "%Y%m%d%H%M%S").replace(tzinfo=UTC)
-        except (TypeError, ValueError) as error:
+            return datetime(*parts, tzinfo=UTC)
+        except ValueError as error:
             raise DataError(
-                f"{self.path} has a field of date {date} and time {time}, which do "
-                "not exist: download it again."
+                f"{self.path} has a field of a time that does not exist ({error}): "
+                "download it again."
             ) from error
 
     def _values(self, grid: GribGrid) -> np.ndarray:

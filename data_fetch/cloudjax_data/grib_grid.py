@@ -84,6 +84,8 @@ class GribGrid:
 
     def is_same(self, other: "GribGrid") -> bool:
         """Tell whether both have the same places, whatever the order of points."""
+        if self is other:
+            return True
         if self.shape != other.shape or self.projection != other.projection:
             return False
         cell = _SAME * abs(np.diff(self.latitude_deg[:2], axis=0).flat[0])

@@ -183,7 +183,9 @@ def _distinct(
         # What is near the ground has one level.
         level = field.level if field.level_type == PRESSURE else 0.0
         known = found.setdefault(level, field)
-        if not np.array_equal(known.values, field.values, equal_nan=True):
+        if known is not field and not np.array_equal(
+            known.values, field.values, equal_nan=True
+        ):
             where = f" at {level:g} hPa" if field.level_type == PRESSURE else ""
             raise DataError(
                 f"{path} has {name!r}{where} twice, with different values: keep the "

@@ -30,13 +30,15 @@ def all_fields(levels=HEIGHT, names=NAMES):
     }
 
 
-def write(path, fields, **options):
+def write(path, fields, time=TIME, edition=2, extra=None):
     return write_grib(
         path,
         fields,
         latitude_deg=LATITUDE,
         longitude_deg=LONGITUDE,
-        **({"time": TIME} | options),
+        time=time,
+        edition=edition,
+        extra=extra,
     )
 
 
@@ -312,7 +314,7 @@ def test_a_date_that_does_not_exist_is_refused(tmp_path):
         content[at : at + 4] = struct.pack(">HBB", 2019, 13, 40)
         at = content.find(stamp, at)
     path.write_bytes(content)
-    with pytest.raises(DataError, match="which do not exist"):
+    with pytest.raises(DataError, match="a time that does not exist"):
         read_weather(path)
 
 
