@@ -141,7 +141,10 @@ class Message:
         field = self.values.reshape(rows, columns)
         southward = not self.get("jScansPositively")
         latitude, longitude = (
-            self._eccodes.codes_get_array(self._handle, axis).reshape(rows, columns)
+            np.reshape(
+                np.asarray(self._eccodes.codes_get_array(self._handle, axis)),
+                (rows, columns),
+            )
             for axis in ("latitudes", "longitudes")
         )
         from_north = slice(None) if southward else slice(None, None, -1)
