@@ -156,7 +156,8 @@ def _of_grids(first: Message) -> Iterator[Mutation]:
         (rows, columns),
         (columns * rows, 1),
     ):
-        if (i, j) != (columns, rows):
+        # A Lambert map has no last point to tell rows from columns.
+        if (i, j) != (columns, rows) and (plain or (i, j) != (rows, columns)):
             yield Mutation(f"{i} by {j}", _each(_keys(Ni=i, Nj=j)), REFUSED)
     yield Mutation("one of other size", _one(_keys(Ni=columns + 1)), REFUSED)
     yield Mutation("flag 0x08", _each(_keys(scanningMode=8)), REFUSED)
@@ -169,10 +170,11 @@ def _of_grids(first: Message) -> Iterator[Mutation]:
             ("DxInMetres", 1),
             ("Latin1", 0),
             ("latitudeOfFirstGridPointInDegrees", 89.0),
-            ("uvRelativeToGrid", 0),
-            ("shapeOfTheEarth", 0),
         ):
             yield Mutation(f"one {key}", _one(_keys(**{key: value}), 0), REFUSED)
+        # The first field may be no wind, and spheres differ by parts of a cell.
+        for key in ("uvRelativeToGrid", "shapeOfTheEarth"):
+            yield Mutation(f"one {key}", _one(_keys(**{key: 0}), 0), FAIR)
         yield Mutation("ellipsoid", _each(_keys(shapeOfTheEarth=5)), REFUSED)
         yield Mutation("no steps", _each(_keys(DxInMetres=0)), REFUSED)
         yield Mutation("no cone", _each(_keys(Latin1=0, Latin2=0)), REFUSED)
