@@ -172,9 +172,8 @@ def _of_grids(first: Message) -> Iterator[Mutation]:
             ("latitudeOfFirstGridPointInDegrees", 89.0),
         ):
             yield Mutation(f"one {key}", _one(_keys(**{key: value}), 0), REFUSED)
-        # The first field may be no wind, and spheres differ by parts of a cell.
-        for key in ("uvRelativeToGrid", "shapeOfTheEarth"):
-            yield Mutation(f"one {key}", _one(_keys(**{key: 0}), 0), FAIR)
+        # The first field may be no wind.
+        yield Mutation("one wind flag", _one(_keys(uvRelativeToGrid=0), 0), FAIR)
         yield Mutation("ellipsoid", _each(_keys(shapeOfTheEarth=5)), REFUSED)
         yield Mutation("no steps", _each(_keys(DxInMetres=0)), REFUSED)
         yield Mutation("no cone", _each(_keys(Latin1=0, Latin2=0)), REFUSED)
@@ -265,9 +264,14 @@ def _of_values(base: str) -> Iterator[Mutation]:
     if not base.endswith("grib1"):
         packings += ["grid_ccsds", "grid_complex", "grid_complex_spatial_differencing"]
     for packing in packings:
-        changed = _each(lambda m, p=packing: m.set(packingType=p))
+        changed = _each(lambda m, p=packing: _repacked(m, p))
         yield Mutation(packing, changed, REPACKED)
     yield Mutation("more bits", _each(_with_more_bits), REPACKED)
+
+
+def _repacked(message: Message, packing: str) -> Message:
+    values = message.values
+    return message.set(packingType=packing, bitsPerValue=24).put(values)
 
 
 def _with_more_bits(message: Message) -> Message:

@@ -99,7 +99,7 @@ def _difference(found: WeatherCube, expected: WeatherCube, how: str) -> str:
         holes = np.isnan(one) & ~np.isnan(other)
         if holes.any() and how != HOLES:
             return f"{name} has holes"
-        share = 1e-4 if how == REPACKED else 1e-6
+        share = 1e-4 if how in (REPACKED, HOLES) else 1e-6
         tolerance = share * np.nanmax(np.abs(other))
         if np.nanmax(np.abs(one - other)) > tolerance:
             return f"{name} differs by {np.nanmax(np.abs(one - other))}"
