@@ -1,6 +1,7 @@
 """What a scene folder holds, and what a run of it would use, in words."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from cloudjax import Air
 from cloudjax.air.clear_air import LEAST_DEPTH
@@ -21,6 +22,8 @@ from cloudjax_fit.targets import Target
 from cloudjax_scenes.daylight import is_day, sun_heights_deg
 from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.lights import Light
+from cloudjax_scenes.weather_analysis import share_in_words
+from cloudjax_scenes.weather_cover import held_share
 
 
 Row = tuple[str, str]
@@ -121,6 +124,8 @@ def run_rows(
         else "the standard atmosphere"
     )
     yield "temperature", profile
+    for note in made_of.notes:
+        yield "mind", note
     yield from _air_rows(made_of, profile)
 
 
@@ -214,18 +219,28 @@ def _weather_rows(folder: SceneFolder, band: AbiBand | None) -> Iterator[Row]:
     if not folder.weather:
         yield "weather", "none: where clouds may stand comes from the imagery itself"
     for file in folder.weather:
+        yield "weather", _weather(file, band)
+
+
+def _weather(file: Path, band: AbiBand | None) -> str:
+    try:
         cube = read_weather(file)
-        text = f"{file.name}, valid {cube.valid_time:%Y-%m-%d %H:%M} UTC"
-        if band is None:
-            yield "weather", text
-            continue
-        hours = (cube.valid_time - band.time).total_seconds() / 3600
-        try:
-            check_time(band.time, cube)
-            verdict = "near enough"
-        except DataError:
-            verdict = "too far: runs refuse it unless told to ignore the weather"
-        yield "weather", f"{text}, {hours:+.1f} hours from the imagery: {verdict}"
+    except DataError as error:
+        return f"{file.name} cannot be used: {error}"
+    text = f"{file.name}, valid {cube.valid_time:%Y-%m-%d %H:%M} UTC"
+    if band is None:
+        return f"{text}, of {cube.extent}"
+    hours = (cube.valid_time - band.time).total_seconds() / 3600
+    text = f"{text}, {hours:+.1f} hours from the imagery"
+    try:
+        check_time(band.time, cube)
+    except DataError:
+        return f"{text}: too far, runs refuse it unless told to ignore the weather"
+    try:
+        share = share_in_words(held_share(cube, band.grid))
+    except DataError as error:
+        return f"{text}: runs refuse it, {error}"
+    return f"{text}: near enough, and holds {share} of the scene"
 
 
 def _thermal_scattering(light: Light) -> str:

@@ -129,6 +129,8 @@ def _render_scene(scene: str, path: Path, bands, options) -> None:
         fitted=None if file is None else read_parameters(file),
         ignore_weather=options["ignore_weather"],
     )
+    for note in inputs.made_of.notes:
+        click.echo(f"mind: {note}", err=True)
     imagery, seed = inputs.target.imagery, inputs.settings.fit.seed
     quantities = chosen_quantities(options["quantities"], imagery.bands.values())
     image, values = fitted_image(inputs, shadows=shadows)

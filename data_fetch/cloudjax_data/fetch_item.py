@@ -12,6 +12,7 @@ import netCDF4
 from .abi_name import parse_abi_name
 from .errors import DataError
 from .gfs_index import Message, joined_ranges
+from .grib import grib_contents
 from .packed import attribute, netcdf_file
 
 
@@ -115,7 +116,7 @@ class GribItem(FetchItem):
         spans = sorted({(m.start, m.end) for m in self.messages})
         _check_frames(path, [end - start for start, end in spans])
         wanted = {(m.level_type, m.name, m.level) for m in self.messages}
-        missing = wanted - _contents(path)
+        missing = wanted - grib_contents(path)
         if missing:
             raise ValueError(f"it lacks {len(missing)} of {len(wanted)} fields")
 
@@ -146,16 +147,3 @@ def _check_frames(path: Path, lengths: Sequence[int]) -> None:
             if not whole:
                 raise ValueError(f"its message at byte {position} is broken")
             position += length
-
-
-def _contents(path: Path) -> set[tuple[str, str, float]]:
-    # Not at the top: eccodes takes seconds to load.
-    from cfgrib.messages import FileStream
-
-    try:
-        return {
-            (message["typeOfLevel"], message["shortName"], float(message["level"]))
-            for _, message in FileStream(str(path), errors="raise").items()
-        }
-    except Exception as error:  # eccodes and cfgrib have no common ancestor
-        raise ValueError(f"it cannot be read as GRIB, {error}") from error

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
-from .weather_cube import GROUND, OPTIONAL, REQUIRED
+from .weather_fields import GROUND, OPTIONAL, REQUIRED
 
 
 _PRESSURE_LEVEL = "isobaricInhPa"

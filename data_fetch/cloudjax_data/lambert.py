@@ -30,6 +30,12 @@ class LambertConic:
         spread = np.log(np.tan(np.pi / 4 + two / 2) / np.tan(np.pi / 4 + one / 2))
         return float(np.log(np.cos(one) / np.cos(two)) / spread)
 
+    @property
+    def scale(self) -> float:
+        """Give the length of the map's unit, in radii of the sphere (Snyder, 15-2)."""
+        one = np.radians(self.latitude_1_deg)
+        return float(np.cos(one) * np.tan(np.pi / 4 + one / 2) ** self.cone)
+
     def unwrapped(
         self, longitude_deg: Float64[np.ndarray, "*points"]
     ) -> Float64[np.ndarray, "*points"]:
@@ -55,6 +61,20 @@ class LambertConic:
         radius = np.tan(polar) ** -self.cone / self.cone
         angle = self.rotation_rad(longitude_deg)
         return radius * np.sin(angle), -radius * np.cos(angle)
+
+    def unproject(
+        self, x: Float64[np.ndarray, "*points"], y: Float64[np.ndarray, "*points"]
+    ) -> tuple[Float64[np.ndarray, "*points"], Float64[np.ndarray, "*points"]]:
+        """Return latitude and longitude [degrees] (Snyder 1987, eqs 14-9 and 15-5),
+        the longitude within 180° of the central meridian.
+        """
+        cone = self.cone
+        side = np.sign(cone)
+        radius = np.abs(cone) * np.hypot(x, y)
+        # The pole that the cone points to is at the centre.
+        tangent = np.maximum(radius, np.finfo(float).tiny) ** (-1 / cone)
+        angle = np.degrees(np.arctan2(side * x, -side * y)) / cone
+        return 2 * np.degrees(np.arctan(tangent)) - 90, self.longitude_deg + angle
 
     def _from_centre(self, longitude_deg: np.ndarray) -> np.ndarray:
         return (longitude_deg - self.longitude_deg + 180) % 360 - 180

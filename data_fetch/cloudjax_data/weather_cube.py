@@ -1,52 +1,27 @@
 """A weather analysis on pressure levels is one kind of object, whatever the file."""
 
-from collections.abc import Iterable, Mapping
+import functools as ft
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Bool, Float
 
 from .errors import DataError
 from .grib import read_grib
 from .lambert import LambertConic
-from .weather_grid import on_plain_axes, oriented
+from .weather_fields import GROUND, REQUIRED, WANTED, assembled
+from .weather_grid import on_plain_axes, oriented, places_held
 
 
-# short name: units, as eccodes spells them
-REQUIRED = {
-    "u": "m s**-1",
-    "v": "m s**-1",
-    "w": "Pa s**-1",
-    "r": "%",
-    "t": "K",
-    "gh": "gpm",
-}
-OPTIONAL = {"clwmr": "kg kg**-1"}
-# name in the cube: type of level and short name in the file
-GROUND = {
-    "orog": ("surface", "orog"),
-    "lsm": ("surface", "lsm"),
-    "t_surface": ("surface", "t"),
-    "t_2m": ("heightAboveGround", "2t"),
-}
-
-_LEVEL = "isobaricInhPa"
-# Far beyond any weather: what lies outside is a number that stands for "missing".
-_POSSIBLE = {
-    "u": (-300.0, 300.0),
-    "v": (-300.0, 300.0),
-    "w": (-200.0, 200.0),
-    "r": (-50.0, 250.0),
-    "t": (0.0, 500.0),
-    "gh": (-5e3, 100e3),
-    "t_surface": (0.0, 500.0),
-    "t_2m": (0.0, 500.0),
-    "lsm": (-0.01, 1.01),
-    "orog": (-1e3, 10e3),
-}
+# Of all columns: so many may end below an altitude that is asked for.
+_FEW_COLUMNS = 0.01
+# 12 km: what ends below leaves out air that holds clouds.
+_LOW_TOP_HPA = 200.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,27 +60,106 @@ class WeatherCube:
 
     @property
     def is_global(self) -> bool:
-        """Tell whether longitudes go all the way round."""
+        """Tell whether it goes all the way round, and to both poles but for a cell."""
         if self.projection is not None:
             return False
-        longitude = self.data["longitude"].to_numpy()
+        longitude, latitude = (
+            self.data[axis].to_numpy() for axis in ("longitude", "latitude")
+        )
         step = longitude[1] - longitude[0]
-        return bool(np.isclose(longitude[-1] + step - longitude[0], 360.0))
+        around = np.isclose(longitude[-1] + step - longitude[0], 360.0)
+        cell = 1.001 * (latitude[1] - latitude[0])
+        return bool(around and latitude[-1] + cell >= 90 and latitude[0] - cell <= -90)
+
+    @ft.cached_property
+    def known_columns(self) -> Bool[np.ndarray, "y x"]:
+        """The columns in which every required variable is given on two levels."""
+        height = np.isfinite(self.data["gh"].to_numpy())
+        counts = [
+            (height & np.isfinite(self.data[name].to_numpy())).sum(axis=0)
+            for name in REQUIRED
+            if name in self.data
+        ]
+        return np.min(counts, axis=0) >= 2
+
+    def holds(
+        self,
+        latitude_deg: Float[np.ndarray, "*places"],
+        longitude_deg: Float[np.ndarray, "*places"],
+    ) -> Bool[np.ndarray, "*places"]:
+        """Tell which places are among known columns of the grid."""
+        return places_held(
+            self.data, self.projection, self.known_columns, latitude_deg, longitude_deg
+        )
+
+    @property
+    def extent(self) -> str:
+        """Say in words what part of the Earth it covers."""
+        φ, λ = (self.data[axis].to_numpy() for axis in ("latitude", "longitude"))
+        if self.is_global:
+            return "the whole Earth"
+        return (
+            f"latitudes {φ.min():.4g} to {φ.max():.4g} and longitudes {λ.min():.4g} to "
+            f"{λ.max():.4g}"
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Say what it lacks, in sentences."""
+        name, levels = self.path.name, self.data["level"].to_numpy()
+        lost = {p for held in self.lost_levels_hpa.values() for p in held}
+        said = []
+        for level in sorted((p for p in lost if p > levels[-1]), reverse=True):
+            lacking = [
+                variable
+                for variable in REQUIRED
+                if level not in self.lost_levels_hpa.get(variable, ())
+            ]
+            said.append(
+                f"{name} lacks {', '.join(lacking)} at {level:g} hPa: nothing is taken "
+                "from that level."
+            )
+        if levels[-1] > _LOW_TOP_HPA:
+            said.append(
+                f"{name} ends at {levels[-1]:g} hPa: the air above is that of the "
+                "standard atmosphere."
+            )
+        return tuple(said)
 
     def at_altitude(self, altitude_m: float) -> xr.Dataset:
         """Interpolate the variables on levels (but `gh`) to a height above sea level.
 
         The height is in geopotential metres (geometric height is greater by 0.16 % at
-        10 km). Linear between the two levels that enclose it, column by column; NaN
-        below the ground or the lowest level, and above the highest level.
+        10 km). Linear between the two levels next to it at which the variable is given,
+        column by column; NaN below the ground or the lowest level, and above the
+        highest level.
         """
-        lower, weight = _bracket(self.data["gh"].to_numpy(), altitude_m)
-        if "orog" in self.data:
-            ground = self.data["orog"].to_numpy()
-            weight = np.where(altitude_m < ground, np.nan, weight)
+        height = self.data["gh"].to_numpy()
         columns = self.data.drop_vars(["gh", *GROUND], errors="ignore")
-        return columns.map(_between, args=(lower, weight)).assign_coords(
-            altitude_m=altitude_m
+        whole = _bracket(height, altitude_m)
+        found = {}
+        for name, values in columns.data_vars.items():
+            field = values.to_numpy()
+            bracket = whole
+            if name not in self._whole:
+                given = np.where(np.isfinite(field), height, np.nan)
+                bracket = _bracket(given, altitude_m)
+            column = values.isel(level=0, drop=True)
+            found[name] = column.copy(data=_between(field, *bracket))
+        result = columns.drop_dims("level").assign(found)
+        if "orog" in self.data:
+            ground = self.data["orog"]
+            result = result.where(~(ground.drop_vars(ground.coords) > altitude_m))
+        return result.assign_coords(altitude_m=altitude_m)
+
+    @ft.cached_property
+    def _whole(self) -> frozenset[str]:
+        """The variables that are given wherever the height of the level is."""
+        height = np.isfinite(self.data["gh"].to_numpy())
+        return frozenset(
+            str(name)
+            for name, values in self.data.data_vars.items()
+            if "level" in values.dims and np.isfinite(values.to_numpy())[height].all()
         )
 
     def regular(self, step_deg: float) -> "WeatherCube":
@@ -117,39 +171,25 @@ class WeatherCube:
         """
         if self.projection is None:
             return self
-        data = on_plain_axes(self.path, self.data, self.projection, step_deg)
+        data = on_plain_axes(self.data, self.projection, step_deg)
         return replace(self, data=data, projection=None)
 
 
 def read_weather(path: str | PathLike[str]) -> WeatherCube:
     """Read a GFS or NAM file, GRIB2 or GRIB1, global or regional.
 
-    **Raises:** `DataError` if the file is absent, corrupt, of several times, on a grid
-    other than latitude-longitude or Lambert, lacks a meridian, lacks one of `REQUIRED`
-    on pressure levels, or has one in other units or with impossible values.
+    **Raises:** `DataError` if the file is absent, damaged, of several times or members,
+    on a grid other than latitude-longitude or Lambert, contradicts itself, lacks a
+    meridian, lacks one of `REQUIRED` on pressure levels, or has one in other units,
+    with impossible values or twice.
     """
     path = Path(path)
-    units = REQUIRED | OPTIONAL
-    names = [(_LEVEL, name) for name in (*units, "wz")]
-    found = read_grib(path, [*names, *GROUND.values()])
-    _require_all(path, {name for level, name in found if level == _LEVEL})
-    fields = {
-        name: _checked(path, name, units[name], found[_LEVEL, name])
-        for name in units
-        if (_LEVEL, name) in found
-    }
-    data, lost = _aligned(path, fields)
-    ground = [
-        _plain(found[key]).rename(name) for name, key in GROUND.items() if key in found
-    ]
-    data = _merged(path, [data, *ground])
-    _require_possible(path, data)
-    data, projection = oriented(path, data, fields["u"].attrs)
+    found = assembled(path, read_grib(path, WANTED))
+    data = oriented(path, found.data, found.projection, found.winds_along_grid)
     data.attrs = {"source": path.name}
-    times = {_valid_time(values) for values in fields.values()}
-    if len(times) > 1:
-        raise DataError(f"{path} holds several times: keep the messages of one.")
-    return WeatherCube(data, times.pop(), path, lost, projection)
+    return WeatherCube(
+        data, found.valid_time, path, found.lost_levels_hpa, found.projection
+    )
 
 
 def check_time(
@@ -167,132 +207,53 @@ def check_time(
 
 
 def check_altitude(cube: WeatherCube, altitude_m: float) -> None:
-    """Raise `DataError` if most columns have no weather at an altitude above ground."""
+    """Raise `DataError` if columns end below an altitude, or most have nothing there
+    above ground.
+    """
     data = cube.data
-    above_ground = np.ones(data["gh"].shape[1:], bool)
+    height = data["gh"].to_numpy()
+    above_ground = np.ones(height.shape[1:], bool)
     if "orog" in data:
         above_ground = data["orog"].to_numpy() < altitude_m
     known = np.isfinite(cube.at_altitude(altitude_m)["r"].to_numpy())
-    if known.sum() < 0.5 * above_ground.sum() or not known.any():
+    top = np.where(np.isfinite(height), height, -np.inf).max(axis=0)
+    beyond = np.isfinite(top) & (top < altitude_m)
+    if (
+        known.sum() < 0.5 * above_ground.sum()
+        or not known.any()
+        or beyond.mean() > _FEW_COLUMNS
+    ):
         levels = data["level"].to_numpy()
         raise DataError(
-            f"{cube.path} has nothing at {altitude_m:g} m for most places: all of "
+            f"{cube.path} has nothing at {altitude_m:g} m for many places: all of "
             f"{', '.join(REQUIRED)} are given only from {levels[0]:g} to "
             f"{levels[-1]:g} hPa, get a file with more levels."
         )
 
 
-def _require_possible(path: Path, data: xr.Dataset) -> None:
-    for name, (low, high) in _POSSIBLE.items():
-        if name not in data:
-            continue
-        values = data[name].to_numpy()
-        wrong = values[(values < low) | (values > high)]
-        if wrong.size:
-            raise DataError(
-                f"{path} has {name!r} of {wrong[0]:g} at {wrong.size} points: what is "
-                "missing must be masked, download it again."
-            )
+def _bracket(
+    height: np.ndarray, altitude: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """By column, the levels next to an altitude and the weight of the upper one.
 
-
-def _require_all(path: Path, found: set[str]) -> None:
-    missing = [name for name in REQUIRED if name not in found]
-    if missing == ["w"] and "wz" in found:
-        raise DataError(
-            f"{path} has the vertical velocity in m/s ('wz') and not in Pa/s ('w'): "
-            "get the pressure vertical velocity (VVEL) too."
-        )
-    if missing:
-        raise DataError(
-            f"{path} has no {', '.join(map(repr, missing))} on pressure levels: get a "
-            f"file with {', '.join(REQUIRED)}."
-        )
-
-
-def _checked(path: Path, name: str, units: str, found: xr.DataArray) -> xr.DataArray:
-    given = found.attrs["GRIB_units"]
-    if given != units:
-        raise DataError(
-            f"{path} has {name!r} in {given!r} instead of {units!r}: get the file from "
-            "the GFS or NAM."
-        )
-    if not np.isfinite(found).any():
-        raise DataError(f"{path} has {name!r} all masked: download it again.")
-    # a single level comes as a scalar coordinate
-    found = found if _LEVEL in found.dims else found.expand_dims(_LEVEL)
-    return found.dropna(_LEVEL, how="all").sortby(_LEVEL, ascending=False)
-
-
-def _aligned(
-    path: Path, fields: dict[str, xr.DataArray]
-) -> tuple[xr.Dataset, dict[str, tuple[float, ...]]]:
-    """All variables on the levels that every required one has."""
-    held = {name: set(values[_LEVEL].to_numpy()) for name, values in fields.items()}
-    common = set.intersection(*(held[name] for name in REQUIRED))
-    if len(common) < 2:
-        raise DataError(
-            f"{path} has fewer than two pressure levels on which all of "
-            f"{', '.join(REQUIRED)} are given: get a file with more levels."
-        )
-    levels = np.array(sorted(common, reverse=True))
-    # an optional variable is NaN on a level of its own gap
-    plain = (
-        _plain(values).reindex({_LEVEL: levels}).rename(name)
-        for name, values in fields.items()
-    )
-    data = _merged(path, plain).rename({_LEVEL: "level"})
-    data["level"].attrs = {"units": "hPa", "positive": "down", "axis": "Z"}
-    lost = {
-        name: tuple(float(level) for level in sorted(held[name] - common, reverse=True))
-        for name in fields
-    }
-    return data, lost
-
-
-def _merged(path: Path, parts: Iterable[xr.DataArray | xr.Dataset]) -> xr.Dataset:
-    try:
-        # exact, because xarray would else fill the gaps between two grids with NaN
-        return xr.merge(parts, join="exact", compat="override")
-    except ValueError as error:
-        raise DataError(
-            f"{path} has variables on different grids: keep the messages of one."
-        ) from error
-
-
-def _plain(values: xr.DataArray) -> xr.DataArray:
-    """Without the coordinates and attributes that only describe the GRIB encoding."""
-    kept = {_LEVEL, "latitude", "longitude"}
-    values = values.drop_vars(set(values.coords) - kept).copy(deep=False)
-    described = ("long_name", "standard_name", "units")
-    values.attrs = {k: values.attrs[k] for k in described if k in values.attrs}
-    return values
-
-
-def _valid_time(values: xr.DataArray) -> datetime:
-    seconds = values["valid_time"].to_numpy().astype("datetime64[s]").astype(int)
-    return datetime.fromtimestamp(int(seconds), UTC)
-
-
-def _bracket(height: np.ndarray, altitude: float) -> tuple[np.ndarray, np.ndarray]:
-    """By column, the level below an altitude and the weight of the one above it.
-
-    The weight is NaN where the altitude is not between two levels.
+    Levels without a height do not count. The weight is NaN where the altitude is not
+    between two levels.
     """
-    count = height.shape[0]
-    # the last level below, rather than the number of levels below: those under the
-    # ground may be masked
-    last = count - 1 - np.argmax((height <= altitude)[::-1], axis=0)
-    lower = np.minimum(last, count - 2)[None]
+    below, above = height <= altitude, height >= altitude
+    lower = height.shape[0] - 1 - np.argmax(below[::-1], axis=0)[None]
+    upper = np.argmax(above, axis=0)[None]
     bottom = np.take_along_axis(height, lower, axis=0)[0]
-    top = np.take_along_axis(height, lower + 1, axis=0)[0]
-    weight = (altitude - bottom) / (top - bottom)
-    return lower, np.where((weight >= 0) & (weight <= 1), weight, np.nan)
+    top = np.take_along_axis(height, upper, axis=0)[0]
+    apart = np.where(top > bottom, top - bottom, 1)
+    enclosed = below.any(axis=0) & above.any(axis=0)
+    return lower, upper, np.where(enclosed, (altitude - bottom) / apart, np.nan)
 
 
 def _between(
-    values: xr.DataArray, lower: np.ndarray, weight: np.ndarray
-) -> xr.DataArray:
-    below = np.take_along_axis(values.to_numpy(), lower, axis=0)[0]
-    above = np.take_along_axis(values.to_numpy(), lower + 1, axis=0)[0]
-    column = values.isel(level=0, drop=True)
-    return column.copy(data=below + weight * (above - below))
+    values: np.ndarray, lower: np.ndarray, upper: np.ndarray, weight: np.ndarray
+) -> np.ndarray:
+    below = np.take_along_axis(values, lower, axis=0)[0]
+    above = np.take_along_axis(values, upper, axis=0)[0]
+    # What is not given has no share in a level that the altitude meets.
+    above = np.where(upper[0] == lower[0], below, above)
+    return below + weight * (above - below)

@@ -24,6 +24,7 @@ from cloudjax_scenes.data_errors import data_errors
 from cloudjax_scenes.daylight import is_day, sun_heights_deg
 from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.weather_analysis import Analysis
+from cloudjax_scenes.weather_cover import held_share
 
 from .observation import observe
 from .parameter_file import FittedParameters
@@ -171,13 +172,25 @@ def _some_band(folder: SceneFolder) -> AbiBand:
 
 
 def read_analysis(folder: SceneFolder, scene: AbiScene) -> Analysis | None:
-    """The folder's weather analysis nearest to the scan, None without any.
+    """The folder's weather analysis that holds most of the scene, and of several the
+    nearest in time; None without any.
 
-    **Raises:** `DataError` if one is unreadable or hours away from the imagery.
+    **Raises:** `DataError` if none serves: unreadable, hours away or of another place.
     """
-    cubes = [read_weather(file) for file in folder.weather]
-    for cube in cubes:
-        check_time(scene.time, cube)
-    if not cubes:
+    found, errors = [], []
+    for file in folder.weather:
+        try:
+            cube = read_weather(file)
+            check_time(scene.time, cube)
+            share = held_share(cube, scene.grid)
+        except DataError as error:
+            errors.append(error)
+            continue
+        apart = abs((cube.valid_time - scene.time).total_seconds())
+        found.append((round(share, 3), -apart, cube))
+    if errors and not found:
+        raise errors[0]
+    if not found:
         return None
-    return Analysis(min(cubes, key=lambda cube: abs(cube.valid_time - scene.time)))
+    *_, best = max(found, key=lambda one: one[:2])
+    return Analysis(best, tuple(map(str, errors)))

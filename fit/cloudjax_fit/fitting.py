@@ -166,7 +166,7 @@ def fit(
         distances_fit=_distances(target, image),
         history=best.history,
         seconds=clock.seconds,
-        warnings=cautions(target, estimates, depths, earth),
+        warnings=[*cautions(target, estimates, depths, earth), *made_of.notes],
     )
 
 

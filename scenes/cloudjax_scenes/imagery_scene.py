@@ -71,6 +71,11 @@ class SceneFromImagery:
         """All classes that the scene may have, by name."""
         return self.light.imagery_classes() if self.known is None else self.known
 
+    @property
+    def notes(self) -> list[str]:
+        """What the weather leaves open, in sentences."""
+        return [] if self.analysis is None else self.analysis.notes(self.imagery)
+
     def build(self) -> Scene:
         """Build the scene, at the values of the classes.
 

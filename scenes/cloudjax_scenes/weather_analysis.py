@@ -24,6 +24,7 @@ from cloudjax_data import WeatherCube, WeatherSeries, check_altitude
 
 from .air_profile import mean_profile, profiles_of
 from .imagery import Imagery
+from .weather_cover import held_share, scene_places
 
 
 MAP_STEP_DEG = 1.0
@@ -33,10 +34,28 @@ MAP_STEP_DEG = 1.0
 class Analysis:
     """A weather analysis, ready for a scene.
 
-    **Fields:** `cube`: the fields.
+    **Fields:**
+
+    - `cube`: the fields.
+    - `passed_over`: sentences on files that were at hand and do not serve.
     """
 
     cube: WeatherCube
+    passed_over: tuple[str, ...] = ()
+
+    def notes(self, imagery: Imagery) -> list[str]:
+        """Say what of a scene the analysis leaves open, in sentences."""
+        name, share = self.cube.path.name, held_share(self.cube, imagery.grid)
+        said = [*self.cube.notes, *(f"Left alone: {why}" for why in self.passed_over)]
+        if share < 1:
+            said.append(
+                f"{name} holds {share_in_words(share)} of the scene: the air is the "
+                "mean of that part, and elsewhere clouds stand where the imagery has "
+                "them."
+            )
+        if not self.cube.is_global:
+            said.append(f"{name} is regional: its winds draw no clouds.")
+        return said
 
     def displacements(
         self, classes: Sequence[CloudClass]
@@ -58,10 +77,16 @@ class Analysis:
     def air(
         self, imagery: Imagery
     ) -> tuple[TemperatureProfile, Float[np.ndarray, " levels"]]:
-        """Find the mean temperature and specific humidity over imagery."""
-        φ, λ = np.meshgrid(imagery.latitude_deg, imagery.longitude_deg, indexing="ij")
+        """Find the mean temperature and specific humidity over imagery, where the
+        analysis holds it.
+
+        **Raises:** `DataError` if it holds nothing of it.
+        """
+        held_share(self.cube, imagery.grid)
+        φ, λ = scene_places(imagery.grid)
+        held = self.cube.holds(φ, λ)
         profiles = profiles_of(self._regular)
-        kelvin, humidity = mean_profile(profiles, φ.ravel(), λ.ravel())
+        kelvin, humidity = mean_profile(profiles, φ[held], λ[held])
         levels = jnp.asarray(LEVELS_M, float)
         profile = TemperatureProfile(
             levels, jnp.asarray(kelvin, float), jnp.asarray(0.0)
@@ -80,19 +105,25 @@ class Analysis:
     def masked(
         self, imagery: Imagery, classes: Mapping[str, CloudClass] | None = None
     ) -> Imagery:
-        """Put the analysis's clouds in place of those of the imagery.
+        """Put the analysis's clouds in place of those of the imagery, where it holds
+        the scene.
 
         **Arguments:** `classes`: whose conditions tell where; by default Table 1's.
         """
         classes = cloud_classes() if classes is None else classes
         φ, λ = np.meshgrid(imagery.latitude_deg, imagery.longitude_deg, indexing="ij")
+        # Within mountains there is no cloud, beyond the analysis nobody knows.
+        known = self._regular.known_columns.astype(float)
+        given = self._grid().sample(known[..., None], φ, λ)[..., 0]
+        held = self.cube.holds(φ, λ) & (given > 0.5)
         fractions = {}
-        for name in imagery.fractions:
+        for name, seen in imagery.fractions.items():
             field = np.nan_to_num(self.fractions(classes[name].conditions))
-            fractions[name] = self._grid().sample(field[..., None], φ, λ)[..., 0]
+            asked = self._grid().sample((known * field)[..., None], φ, λ)[..., 0]
+            fractions[name] = np.where(held, asked / np.where(held, given, 1), seen)
         return replace(imagery, fractions=fractions)
 
-    @property
+    @ft.cached_property
     def _regular(self) -> WeatherCube:
         return self.cube.regular(0.25)
 
@@ -101,6 +132,11 @@ class Analysis:
         return LatLonGrid.from_axes(
             data["latitude"].to_numpy(), data["longitude"].to_numpy()
         )
+
+
+def share_in_words(share: float) -> str:
+    """Return a share in per cent, never all unless it is."""
+    return f"{np.floor(1000 * share) / 10:g} %"
 
 
 @ft.lru_cache(maxsize=8)

@@ -5,6 +5,7 @@ and temperatures come from weather analyses, the ground from a table.
 """
 
 import functools as ft
+import itertools as it
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -98,6 +99,13 @@ class World:
                 f"{cube.path} covers a region only: get the global analysis, for the "
                 "wind brings clouds from outside."
             )
+        for each in self.series.cubes:
+            unknown = 1 - each.known_columns.mean()
+            if unknown > 0:
+                raise DataError(
+                    f"{each.path} has no values at {unknown:.2%} of its places: get an "
+                    "analysis that has them everywhere."
+                )
         if not self.classes:
             raise DataError("There is no class of cloud: give one at least.")
         if self.seed < 0:
@@ -281,8 +289,8 @@ def open_world(
     series = WeatherSeries.of([read_weather(file) for file in weather])
     with data_errors():
         known = cloud_classes() if classes is None else load_classes(classes)
-    for one in known.values():
-        check_altitude(series.cubes[0], float(one.conditions.sampling_altitude_m))
+    for cube, one in it.product(series.cubes, known.values()):
+        check_altitude(cube, float(one.conditions.sampling_altitude_m))
     return World(series, known, **settings)
 
 

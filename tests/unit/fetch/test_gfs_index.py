@@ -11,7 +11,7 @@ import pytest
 
 from cloudjax_data import gfs_index
 from cloudjax_data.gfs_index import Message, joined_ranges, needed_messages
-from cloudjax_data.weather_cube import GROUND, OPTIONAL, REQUIRED
+from cloudjax_data.weather_fields import GROUND, OPTIONAL, REQUIRED
 
 
 CYCLE = datetime(2025, 8, 1, 0, tzinfo=UTC)

@@ -1,0 +1,104 @@
+"""Messages of a GRIB file are found, and what else is between them.
+
+eccodes skips what it does not recognise, so that a damaged or shortened file would
+merely seem to hold fewer levels.
+"""
+
+import mmap
+from collections.abc import Iterator
+from pathlib import Path
+
+from .errors import DataError
+
+
+_START, _END = b"GRIB", b"7777"
+# Spaces, line ends, control characters and zeros: what transfers and disks add.
+_PADDING = bytes(range(33)) + b"\x7f\xff"
+# Bulletins of weather services put a line or two before a message.
+_LONGEST_HEADING = 200
+# An older GRIB edition 1 counts longer messages in units of 120 bytes.
+_LONG_GRIB1, _UNIT = 0x800000, 120
+# What says how long a message is.
+_HEAD = 16
+
+
+def message_offsets(path: Path) -> tuple[int, ...]:
+    """Return where each message starts, once it is sure that all are whole.
+
+    **Raises:** `DataError` if the file is absent, empty, not GRIB, shortened or
+    damaged, or holds something else between or after its messages.
+    """
+    if not path.is_file():
+        raise DataError(f"{path} is not a file: check the path.")
+    try:
+        if path.stat().st_size == 0:
+            raise DataError(f"{path} is empty: download it again.")
+        with (
+            path.open("rb") as stream,
+            mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content,
+        ):
+            return tuple(_offsets(path, content))
+    except OSError as error:
+        raise DataError(
+            f"{path} cannot be read ({error.strerror or error}): check its permissions."
+        ) from error
+
+
+def _offsets(path: Path, content: mmap.mmap) -> Iterator[int]:
+    size, end, number = len(content), 0, 0
+    while (start := content.find(_START, end)) >= 0:
+        _require_heading(path, content[end:start], end)
+        head = content[start : start + _HEAD]
+        if head[7:8] not in (b"", b"\1", b"\2"):
+            raise DataError(_not_grib(path, start if number else 0))
+        number += 1
+        length = _length(content, start) if len(head) == _HEAD else _HEAD
+        if start + length > size:
+            raise DataError(
+                f"{path} is truncated: it ends at byte {size}, within its message "
+                f"{number} that starts at byte {start}, download it again."
+            )
+        end = start + length
+        if length < _HEAD or content[end - 4 : end] != _END:
+            raise DataError(
+                f"{path} is damaged: its message {number}, at byte {start}, does not "
+                "end where it says, download it again."
+            )
+        yield start
+    if not number or content[end:].strip(_PADDING):
+        raise DataError(_not_grib(path, end))
+
+
+def _require_heading(path: Path, between: bytes, position: int) -> None:
+    if not between.strip(_PADDING):
+        return
+    text = all(byte < 128 for byte in between)
+    if len(between) > _LONGEST_HEADING or not text or _END in between:
+        raise DataError(_not_grib(path, position))
+
+
+def _not_grib(path: Path, position: int) -> str:
+    if position == 0:
+        return f"{path} is not a GRIB file: use a GFS or NAM analysis."
+    return (
+        f"{path} has at byte {position} something that is no GRIB message: it is "
+        "truncated or damaged, download it again."
+    )
+
+
+def _length(content: mmap.mmap, start: int) -> int:
+    """Bytes of a message by its own account."""
+    if content[start + 7] == 2:
+        return int.from_bytes(content[start + 8 : start + 16])
+    length = int.from_bytes(content[start + 4 : start + 7])
+    if not length & _LONG_GRIB1:
+        return length
+    place = start + 8
+    flags = content[place + 7]
+    for present in (True, flags & 0x80, flags & 0x40):
+        if present:
+            place += int.from_bytes(content[place : place + 3])
+    data_length = int.from_bytes(content[place : place + 3])
+    if data_length >= _UNIT:
+        return length
+    return (length - _LONG_GRIB1) * _UNIT - data_length + 4
