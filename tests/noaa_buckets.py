@@ -52,7 +52,7 @@ def add_scan(
                 folder,
                 band=band,
                 radiance=radiance,
-                grid=window(SHAPE),
+                grid=window(SHAPE, subsatellite_longitude_deg=-75.0),
                 # bands begin within tenths of a second of each other
                 start=start + timedelta(milliseconds=100 * (band % 3)),
                 seconds=seconds,

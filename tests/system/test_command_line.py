@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -397,7 +398,11 @@ def test_a_bug_keeps_its_trace(scene, tmp_path, monkeypatch):
 
     monkeypatch.setattr("cloudjax_cli.fit_folder.fit", broken)
     result = run("fit", scene, "-o", tmp_path / "out")
-    assert isinstance(result.exception, ZeroDivisionError)
+    assert result.exit_code == 3
+    (trace,) = re.findall(r"report it with (\S+\.txt)", result.output)
+    assert "ZeroDivisionError" in Path(trace).read_text()
+    debugged = run("--debug", "fit", scene, "-o", tmp_path / "out")
+    assert isinstance(debugged.exception, ZeroDivisionError)
 
 
 @pytest.mark.shared_data

@@ -203,7 +203,7 @@ GIVEN = ("--weather", "gfs.grib2", "--classes", "classes.toml")
         ((*MESO, *GIVEN[:3], "unknown.toml"), "unknown key, 'toop'"),
         ((*MESO, *GIVEN[:3], "empty.toml"), "holds no class"),
         ((*MESO, *GIVEN[:3], "absent.toml"), "absent.toml is not a file"),
-        ((*MESO, *GIVEN[:3], "binary.toml"), "binary.toml is not valid TOML"),
+        ((*MESO, *GIVEN[:3], "binary.toml"), "binary.toml is text in UTF-16"),
         ((*MESO, "--weather", "absent.grib2"), "absent.grib2"),
         ((*MESO, "--weather", "region.grib2"), "covers a region only"),
         ((*MESO, *GIVEN, "--weather", "gfs.grib2"), "both valid at"),

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from cloudjax_cli import main
 from cloudjax_data import open_folder, read_weather
-from cloudjax_data.weather_cube import GROUND, OPTIONAL, REQUIRED
+from cloudjax_data.weather_fields import GROUND, OPTIONAL, REQUIRED
 from tests.commands import run, sentence_of
 from tests.mischief import busy, cut, of_files
 from tests.noaa_buckets import LEVELS_HPA, add_gfs, add_scan, goes_folder

@@ -242,7 +242,7 @@ def test_flags_without_unsigned_or_fill_let_nothing_through(tmp_path):
         ("scale_factor", "0.05", "which is no number"),
         ("scale_factor", np.float32(40.0), "no radiance of band 13"),
         ("add_offset", np.array([1, 2], "f4"), "which is no number"),
-        ("add_offset", np.float32(5000.0), "no radiance of band 13"),
+        ("add_offset", np.float32(5000.0), "which is not ABI's"),
         ("units", "W m-2 sr-1 um-1", "in 'W m-2 sr-1 um-1' and not in"),
     ],
 )
