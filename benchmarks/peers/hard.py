@@ -6,25 +6,21 @@ import numpy as np
 
 from cloudjax import (
     BandRadiances,
+    FractalCloud,
     Rays,
     Sampling,
     Scene,
     radiances,
 )
-from cloudjax.geometry.footprint import Footprint
+from cloudjax.geometry.footprint import POINT
 from cloudjax.march.view import lay, make_textures, sample
-
-from .straight import FIELDS, StraightCloud
 
 
 AT_ONCE = 4096
 
 
-class HardCloud(StraightCloud):
+class HardCloud(FractalCloud):
     """A step is cloud where the cloud function is positive."""
-
-    def pixel(self, way, steps):
-        return Footprint.level(0 * way.width_m, way.stretch)
 
     def occupancy(self, samples, steps):
         soft = super().occupancy(samples, steps)
@@ -42,15 +38,16 @@ def hardened(scene: Scene) -> Scene:
     return eqx.tree_at(lambda s: [layer.cloud for layer in s.layers], scene, clouds)
 
 
-def hard_rays(scene: Scene, rays: Rays, sun) -> np.ndarray:
+FIELDS = tuple(FractalCloud.__dataclass_fields__)
+
+
+def hard_rays(scene: Scene, rays: Rays, sun, voxels: int) -> np.ndarray:
     """Radiances of all bands, [bands rays]."""
     scene = hardened(scene)
-    textures = make_textures(scene)
+    textures = make_textures(scene, POINT, voxels)
     seen = []
     for start in range(0, len(rays), AT_ONCE):
-        ways = lay(
-            scene, rays[start : start + AT_ONCE], sun, Sampling(0.0, stretch=6.0)
-        )
+        ways = lay(scene, rays[start : start + AT_ONCE], sun, Sampling(POINT))
         view = sample(scene, ways, textures)
         seen.append(_stacked(radiances(scene, view)))
     return np.concatenate(seen, axis=1)

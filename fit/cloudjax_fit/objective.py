@@ -155,6 +155,7 @@ def pose(
     *,
     rays: int,
     seed: int,
+    resolution: int = 128,
 ) -> tuple[Problem, Int[np.ndarray, " rays"]]:
     """Choose rays and lay them through the scene.
 
@@ -164,13 +165,18 @@ def pose(
     **Arguments:**
 
     - `scene`: of the target's imagery, at the parameters' defaults.
-    - `rays`: how many, drawn by `seed`.
+    - `rays`: how many, drawn by `seed`; `resolution`: voxels per axis of the textures.
 
     **Returns:** the problem and the pixels that its rays belong to.
     """
     pixels = _draw_pixels(target, rays, seed)
     imagery = target.imagery
-    view = look(scene, imagery.grid.rays(pixels), sun_direction(imagery.time))
+    view = look(
+        scene,
+        imagery.grid.rays(pixels),
+        sun_direction(imagery.time),
+        resolution=resolution,
+    )
     block = block_of_pixels(imagery.grid.shape, target.blocks)[pixels]
     bands = [target.statistics[number] for number in scene.bands]
     bins = Bins(

@@ -7,25 +7,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cloudjax import Sampling
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.shells import chords
 from cloudjax.march.march import first_surface, march
 from tests import hard_reference
-from tests.helpers import (
-    SMOOTH,
-    fractal_cloud,
-    geostationary_rays,
-    sampling,
-    with_pixels,
-)
+from tests.helpers import fractal_cloud, geostationary_rays
 
 
 STEPS = (12, 24, 48)
 EXTINCTION = 0.05
 # Hard steps whose own error, half of one at each edge of cloud, is below all others.
 FINE = 16 * STEPS[-1]
-RAYS = with_pixels(geostationary_rays(200, 25.0), 0.0)
-CLOUD = fractal_cloud(threshold=0.6, second=SMOOTH)
-TEXTURES = CLOUD.make_textures()
+RAYS = geostationary_rays(200, 25.0)
+TEXTURES = fractal_cloud().make_textures(POINT, 16)
 
 
 @eqx.filter_jit
@@ -45,13 +40,13 @@ def _soft(cloud, way, steps):
 
 @pytest.fixture(scope="module")
 def hard():
-    return hard_reference.march(CLOUD, RAYS, FINE)
+    return hard_reference.march(fractal_cloud(threshold=0.6), TEXTURES, RAYS, FINE)
 
 
 @ft.cache
 def _marched(steps: int, smoothing: float = 1e-5):
-    cloud = fractal_cloud(threshold=0.6, smoothing=smoothing, second=SMOOTH)
-    way = cloud.navigate(RAYS, chords(RAYS, cloud.shell), sampling())
+    cloud = fractal_cloud(threshold=0.6, smoothing=smoothing)
+    way = cloud.navigate(RAYS, chords(RAYS, cloud.shell), Sampling(POINT))
     return [np.asarray(x, float) for x in _soft(cloud, way, steps)]
 
 

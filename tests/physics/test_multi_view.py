@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import ClearSky, Rays, Shell
+from cloudjax import ClearSky, Rays, Sampling, Shell
+from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import ecef, geodetic, up
 from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax.geometry.shells import chords
@@ -13,7 +14,6 @@ from cloudjax.image.render import render
 from cloudjax.march.march import first_surface, march
 from tests.helpers import (
     GEOSTATIONARY_M,
-    SMOOTH,
     arrays,
     emissive_bands,
     fractal_cloud,
@@ -22,17 +22,13 @@ from tests.helpers import (
     make_scene,
     rays_to,
     reflective_bands,
-    sampling,
     sun,
-    with_pixels,
 )
 
 
 SHELL = Shell(500.0, 4000.0)
-CLOUD = fractal_cloud(
-    SHELL, second=SMOOTH, threshold=0.6, smoothing=1e-3, barrier_scale_m=150.0
-)
-TEXTURES = CLOUD.make_textures()
+CLOUD = fractal_cloud(SHELL, threshold=0.6, smoothing=1e-3, barrier_scale_m=150.0)
+TEXTURES = CLOUD.make_textures(POINT, 16)
 STEPS, EXTINCTION = 400, 0.2
 
 
@@ -54,8 +50,7 @@ def _surface(way):
 
 def _seen_at(rays: Rays):
     chord = chords(rays, SHELL)
-    way = CLOUD.navigate(with_pixels(rays, 0.0), chord, sampling())
-    distance, stopped = _surface(way)
+    distance, stopped = _surface(CLOUD.navigate(rays, chord, Sampling(POINT)))
     return rays.at(chord.entry_m + np.asarray(distance, float)), np.asarray(stopped)
 
 
@@ -115,7 +110,7 @@ SCENE = make_scene(
 
 def _image(**options):
     rays = geostationary_rays(600, 8.0)
-    return arrays(render(SCENE, rays, sun(40.0), **options).radiances)
+    return arrays(render(SCENE, rays, sun(40.0), resolution=16, **options).radiances)
 
 
 @pytest.fixture(scope="module")

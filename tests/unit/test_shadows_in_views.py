@@ -16,17 +16,19 @@ from tests.helpers import (
 )
 
 
-RAYS, SUN = geostationary_rays(24), sun(60.0)
+RAYS, SUN, RESOLUTION = geostationary_rays(24), sun(60.0), 16
 WAYS = {
-    "of rays": lambda scene: render(scene, RAYS, SUN).radiances,
+    "of rays": lambda scene: render(scene, RAYS, SUN, resolution=RESOLUTION).radiances,
     "of a view": lambda scene: render(scene, _view(scene)).radiances,
-    "prepared": lambda scene: render(scene, prepare(scene, RAYS, SUN)).radiances,
+    "prepared": lambda scene: (
+        render(scene, prepare(scene, RAYS, SUN, resolution=RESOLUTION)).radiances
+    ),
     "pure": lambda scene: radiances(scene, _view(scene)),
 }
 
 
 def _view(scene):
-    return look(scene, RAYS, SUN)
+    return look(scene, RAYS, SUN, resolution=RESOLUTION)
 
 
 @pytest.fixture(scope="module")
