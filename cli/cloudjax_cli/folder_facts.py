@@ -15,7 +15,6 @@ from cloudjax_data import (
     read_band,
     read_weather,
 )
-from cloudjax_data.abi_grid import sees_the_earth
 from cloudjax_fit.cautions import missing_share
 from cloudjax_fit.fit_inputs import FitInputs, read_inputs
 from cloudjax_fit.targets import Target
@@ -102,7 +101,7 @@ def run_rows(
         "cloud pixels",
         f"{imagery.rule} ({target.cloud_fraction:.1%} of the good ones)",
     )
-    missing = missing_share(target, sees_the_earth(imagery.grid))
+    missing = missing_share(target, imagery.grid.sees_the_earth())
     yield "missing pixels", f"{missing:.1%} of those that see the Earth"
     for note in imagery.notes:
         yield "mind", note
@@ -208,7 +207,7 @@ def _band(band: AbiBand) -> str:
 
 def _good_share(band: AbiBand) -> float:
     """Of the pixels that see the Earth."""
-    return float(band.good.sum() / max(sees_the_earth(band.grid).sum(), 1))
+    return float(band.good.sum() / max(band.grid.sees_the_earth().sum(), 1))
 
 
 def _is_reflective(band: AbiBand) -> bool:

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float32
 from cloudjax.geometry.fixed_grid import FixedGrid
 
 from .abi_calibration import read_calibration
-from .abi_grid import read_fixed_grid, sees_the_earth
+from .abi_grid import read_fixed_grid
 from .abi_identity import read_identity
 from .abi_image import PackedImage, check_extremes, packed_image
 from .calibration import Calibration
@@ -202,7 +202,7 @@ def _image(
         flag, flagged = flags.counts(pixels)
         usable = present & flagged & (flag >= GOOD) & (flag <= best)
         y_rad, x_rad = grid.y_rad[pixels[0]], grid.x_rad[pixels[1]]
-        usable &= sees_the_earth(replace(grid, x_rad=x_rad, y_rad=y_rad))
+        usable &= replace(grid, x_rad=x_rad, y_rad=y_rad).sees_the_earth()
         impossible += int((usable & ~possible).sum())
         values = np.where(possible, values, np.float32(0))
         radiance[blocks], good[blocks] = block_means(

@@ -2,7 +2,6 @@
 
 import netCDF4
 import numpy as np
-from jaxtyping import Bool
 
 from cloudjax.geometry.fixed_grid import FixedGrid
 from cloudjax.geometry.geodesy import GRS80, Ellipsoid
@@ -71,27 +70,6 @@ def read_fixed_grid(file: netCDF4.Dataset) -> FixedGrid:
                 f"ABI's is {expected:.10g} m: download it again."
             )
     return grid
-
-
-def sees_the_earth(grid: FixedGrid) -> Bool[np.ndarray, "y x"]:
-    """Tell which pixels of a grid of ABI see the Earth.
-
-    The line of sight meets the ellipsoid where the discriminant of its quadratic is not
-    negative; as the disc is convex, four corners that see it have nothing else between.
-    """
-    corners = _meets(grid, grid.y_rad[[0, -1]], grid.x_rad[[0, -1]])
-    if corners.all():
-        return np.ones(grid.shape, bool)
-    return _meets(grid, grid.y_rad, grid.x_rad)
-
-
-def _meets(grid: FixedGrid, y_rad, x_rad) -> Bool[np.ndarray, "y x"]:
-    a, b = grid.ellipsoid.semi_major_m, grid.ellipsoid.semi_minor_m
-    distance = a + grid.perspective_height_m
-    inward = np.cos(y_rad)[:, None] * np.cos(x_rad)
-    north_squared = (np.sin(y_rad)[:, None] * np.cos(x_rad)) ** 2
-    along = (1 - north_squared) / a**2 + north_squared / b**2
-    return distance**2 * inward**2 / a**4 >= along * (distance**2 / a**2 - 1)
 
 
 def _longitude(file: netCDF4.Dataset, projection: netCDF4.Variable) -> float:

@@ -232,7 +232,6 @@ def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
 
 def _draw_pixels(target: Target, count: int, seed: int) -> Int[np.ndarray, " rays"]:
     grid = target.imagery.grid
-    _, hit = grid.rays().ground(grid.ellipsoid)
-    usable = np.flatnonzero(hit & target.counted.reshape(-1))
+    usable = np.flatnonzero(grid.sees_the_earth() & target.counted)
     chosen = np.random.default_rng(seed).permutation(usable)[:count]
     return np.sort(chosen)

@@ -110,12 +110,11 @@ def reduce_scene(
 
 def _good(scene: AbiScene, grid: FixedGrid) -> Bool[np.ndarray, "y x"]:
     """The pixels of the Earth that are good in all bands."""
-    _, hit = grid.rays().ground(grid.ellipsoid)
-    if not hit.any():
+    earth = grid.sees_the_earth()
+    if not earth.any():
         raise DataError(
             f"No pixel of {_folder(scene)} sees the Earth: choose another scene."
         )
-    earth = hit.reshape(grid.shape)
     for number, band in scene.bands.items():
         if not (band.good & earth).any():
             raise DataError(

@@ -24,7 +24,7 @@ from cloudjax_data import WeatherCube, WeatherSeries, check_altitude
 
 from .air_profile import mean_profile, profiles_of
 from .imagery import Imagery
-from .weather_cover import held_share, scene_places
+from .weather_cover import held_places, held_share
 
 
 MAP_STEP_DEG = 1.0
@@ -82,9 +82,7 @@ class Analysis:
 
         **Raises:** `DataError` if it holds nothing of it.
         """
-        held_share(self.cube, imagery.grid)
-        φ, λ = scene_places(imagery.grid)
-        held = self.cube.holds(φ, λ)
+        φ, λ, held = held_places(self.cube, imagery.grid)
         profiles = profiles_of(self._regular)
         kelvin, humidity = mean_profile(profiles, φ[held], λ[held])
         levels = jnp.asarray(LEVELS_M, float)

@@ -1,7 +1,7 @@
 """How much of a scene a weather analysis holds."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from cloudjax import FixedGrid
 from cloudjax_data import DataError, WeatherCube
@@ -11,12 +11,10 @@ from cloudjax_data import DataError, WeatherCube
 _PIXELS = 100
 
 
-def scene_places(
+def _scene_places(
     grid: FixedGrid,
 ) -> tuple[Float[np.ndarray, " places"], Float[np.ndarray, " places"]]:
-    """Return latitudes and longitudes [degrees] of pixels all over the part of an image
-    that sees the Earth.
-    """
+    """Latitudes and longitudes of pixels all over the part that sees the Earth."""
     rows, columns = (
         np.unique(np.linspace(0, size - 1, min(size, _PIXELS)).round().astype(int))
         for size in grid.shape
@@ -32,7 +30,23 @@ def held_share(cube: WeatherCube, grid: FixedGrid) -> float:
 
     **Raises:** `DataError` if there are none.
     """
-    latitude, longitude = scene_places(grid)
+    *_, held = held_places(cube, grid)
+    return float(held.mean()) if held.size else 1.0
+
+
+def held_places(
+    cube: WeatherCube, grid: FixedGrid
+) -> tuple[
+    Float[np.ndarray, " places"],
+    Float[np.ndarray, " places"],
+    Bool[np.ndarray, " places"],
+]:
+    """Return latitudes and longitudes [degrees] of pixels all over the part of an image
+    that sees the Earth, and for which of them an analysis has values.
+
+    **Raises:** `DataError` if there are none.
+    """
+    latitude, longitude = _scene_places(grid)
     held = cube.holds(latitude, longitude)
     if latitude.size and not held.any():
         raise DataError(
@@ -41,7 +55,7 @@ def held_share(cube: WeatherCube, grid: FixedGrid) -> float:
             f"{_middle(longitude):.4g}: get the analysis of that place, or go on "
             "without it with --ignore-weather."
         )
-    return float(held.mean()) if latitude.size else 1.0
+    return latitude, longitude, held
 
 
 def _middle(longitude_deg: np.ndarray) -> float:

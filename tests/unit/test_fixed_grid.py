@@ -30,7 +30,9 @@ def test_the_worked_example_of_the_users_guide():
 @pytest.mark.parametrize("sweep", ["x", "y"])
 def test_the_full_disc_lies_where_pyproj_puts_it(sweep):
     angle = np.linspace(-0.151, 0.151, 61)
-    ground, hit = _grid(angle, angle, sweep=sweep).rays().ground()
+    grid = _grid(angle, angle, sweep=sweep)
+    ground, hit = grid.rays().ground()
+    np.testing.assert_array_equal(grid.sees_the_earth().ravel(), hit)
     geos = pyproj.Proj(proj="geos", h=HEIGHT_M, lon_0=-75, sweep=sweep, ellps="GRS80")
     y, x = np.meshgrid(angle * HEIGHT_M, angle * HEIGHT_M, indexing="ij")
     longitude, latitude = (c.ravel() for c in geos(x, y, inverse=True))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from .geodesy import GRS80, Ellipsoid, ecef, up
 from .rays import Rays
@@ -175,6 +175,26 @@ class FixedGrid:
         if self.sweep == "x":
             return float(np.arcsin(east)), float(np.arctan2(north, inward))
         return float(np.arctan2(east, inward)), float(np.arcsin(north))
+
+    def sees_the_earth(self) -> Bool[np.ndarray, "y x"]:
+        """Tell which pixels see the ellipsoid, much faster than `rays().ground()`.
+
+        A line of sight meets it where the discriminant of its quadratic is not
+        negative. The disc is convex: four corners that see it have nothing else
+        between.
+        """
+        corners = self._meets(self.y_rad[[0, -1]], self.x_rad[[0, -1]])
+        if corners.all():
+            return np.ones(self.shape, bool)
+        return self._meets(self.y_rad, self.x_rad)
+
+    def _meets(self, y_rad, x_rad) -> Bool[np.ndarray, "y x"]:
+        a, b = self.ellipsoid.semi_major_m, self.ellipsoid.semi_minor_m
+        distance = a + self.perspective_height_m
+        inward = np.cos(y_rad)[:, None] * np.cos(x_rad)
+        north = np.sin(y_rad)[:, None] * (np.cos(x_rad) if self.sweep == "x" else 1.0)
+        along = (1 - north**2) / a**2 + north**2 / b**2
+        return distance**2 * inward**2 / a**4 >= along * (distance**2 / a**2 - 1)
 
     def rays(self, pixels: Int[np.ndarray, " rays"] | None = None) -> Rays:
         """Return the lines of sight of the pixels with these flat indices, or of all.

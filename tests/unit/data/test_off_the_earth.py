@@ -6,7 +6,6 @@ import pytest
 
 from cloudjax import FixedGrid
 from cloudjax_data import read_band
-from cloudjax_data.abi_grid import sees_the_earth
 from tests.generated import window, write_abi_l1b
 
 
@@ -35,7 +34,7 @@ def _by_pyproj(grid: FixedGrid) -> np.ndarray:
 def test_the_earth_is_where_pyproj_has_it(grid):
     expected = _by_pyproj(grid)
     assert 0.05 < expected.mean() < 0.95
-    np.testing.assert_array_equal(sees_the_earth(grid), expected)
+    np.testing.assert_array_equal(grid.sees_the_earth(), expected)
 
 
 @pytest.mark.parametrize("block", [1, 2])
