@@ -43,6 +43,15 @@ def test_the_full_disc_lies_where_pyproj_puts_it(sweep):
     np.testing.assert_allclose(turn, 0, atol=1e-6)
 
 
+@pytest.mark.parametrize("sweep", ["x", "y"])
+def test_the_earth_ends_where_the_rays_leave_it(sweep):
+    """Across the limb off the axes, to 0.1 microradians."""
+    grid = _grid([0.1062], np.arange(0.105, 0.109, 1e-7), sweep=sweep)
+    _, hit = grid.rays().ground()
+    assert 0.05 < hit.mean() < 0.95
+    np.testing.assert_array_equal(grid.sees_the_earth().ravel(), hit)
+
+
 def test_the_sweep_matters_off_the_axes():
     places = []
     for sweep in ("x", "y"):

@@ -170,11 +170,20 @@ def test_blocks_with_little_data_have_little_say(halves):
     good[:3, 6:12] = False
     block = block_of_pixels(SHAPE, BLOCKS)
     valid = np.bincount(block[good.reshape(-1)], minlength=16)
-    scarce = replace(whole, good=good, block_valid=valid)
+    _, cloud = flecked()
+    cloudy = np.bincount(block[(cloud & good).reshape(-1)], minlength=16)
+    scarce = replace(whole, good=good, block_cloud=cloudy, block_valid=valid)
     problem, _ = _posed(scarce, halves)
     expected = np.ones(16)
     expected[0] = np.sqrt(2 / 9)
     np.testing.assert_allclose(problem.block_weight, expected, rtol=1e-6)
+    alike = eqx.tree_at(lambda p: p.block_weight, problem, jnp.ones(16))
+    z = unbounded_of(problem.parameters)
+    found, plain = (
+        np.asarray(eqx.filter_jit(residuals)(z, p))[33:49] for p in (problem, alike)
+    )
+    assert np.abs(plain).min() > 0.1
+    np.testing.assert_allclose(found, expected * plain, rtol=1e-5)
 
 
 def test_images_are_compared_where_there_are_data(halves):
