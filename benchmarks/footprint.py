@@ -21,10 +21,11 @@ import numpy as np
 from cloudjax import (
     CloudFunction,
     FractalCloud,
+    Gaussian,
     InvertedWorley,
+    Ladder,
     Latent,
     Layer,
-    Perlin,
     Rays,
     ReflectiveBands,
     Sampling,
@@ -34,7 +35,7 @@ from cloudjax import (
     UniformGround,
     radiances,
 )
-from cloudjax.geometry.footprint import POINT
+from cloudjax.geometry.footprint import Footprint
 from cloudjax.geometry.geodesy import GRS80, ecef, intersect
 from cloudjax.image.render import render
 from cloudjax.march.view import lay, make_textures, sample
@@ -50,6 +51,9 @@ CHUNK = 4608
 
 class HardCloud(FractalCloud):
     """The paper's level set: a step is cloud where the cloud function is positive."""
+
+    def pixel(self, way, steps):
+        return Footprint.level(0 * way.width_m, way.stretch)
 
     def occupancy(self, samples, steps):
         soft = super().occupancy(samples, steps)
@@ -147,8 +151,15 @@ def _place(latitude, longitude, altitude_m) -> np.ndarray:
 
 def cumulus(*, hard: bool, steps: int, nodes: int = NODES) -> Scene:
     """Low broken cloud without a mask, in one visible band."""
+    ladders = (
+        Ladder(Gaussian(), 25e3, 3.1e3),
+        Ladder(Gaussian(), 3.9e3, 25.0),
+        Ladder(InvertedWorley(), 5e3, 300.0),
+    )
     function = {
         "weights": (1.0, 0.5, 0.5),
+        "persistences": (0.5, 0.5, 0.7),
+        "gains": np.ones(sum(len(ladder.octaves) for ladder in ladders)),
         "mask_gain": 1.0,
         "threshold": 0.5,
         "barrier_strength": 1.0,
@@ -163,8 +174,7 @@ def cumulus(*, hard: bool, steps: int, nodes: int = NODES) -> Scene:
         ),
         latent=Latent.gauss_hermite(1 if hard else nodes),
         shell=Shell(500.0, 4000.0),
-        fractals=(Perlin(8), Perlin(8), InvertedWorley(12)),
-        length_scales_m=(200e3, 31e3, 60e3),
+        ladders=ladders,
         thickness_m=1900.0,
     )
     one = jnp.ones(1)
@@ -206,11 +216,11 @@ def hard_rays(
 ) -> np.ndarray:
     """Reflectances of lines without a footprint."""
     scene, rays = cumulus(hard=True, steps=steps), square.rays(parts)
-    textures = make_textures(scene, POINT, 128)
+    textures = make_textures(scene)
     seen = []
     for start in range(0, len(rays), CHUNK):
         some = rays[start : start + CHUNK]
-        ways = lay(scene, some, sun, Sampling(POINT))
+        ways = lay(scene, some, sun, Sampling(0.0, stretch=6.0))
         found = radiances(scene, sample(scene, ways, textures))
         assert found.reflective is not None
         seen.append(np.asarray(found.reflective[0], float))

@@ -1,7 +1,7 @@
 """What accuracy costs on this machine: python benchmarks/tradeoff.py [-o DIR]
 
 The embedded scene is fitted with several numbers of rays, and the scene of the last fit
-is rendered with several numbers of steps and voxels. Writes tradeoff.json, tradeoff.md
+is rendered with several numbers of steps. Writes tradeoff.json, tradeoff.md
 (tables) and tradeoff.png to DIR. Times of renderings are medians of warm, interleaved
 repeats; each fit is done once.
 """
@@ -36,8 +36,7 @@ from cloudjax_scenes import SceneFromImagery, SimulatedImage, simulate_image
 
 RAYS = (1024, 2048, 4096, 8192)
 STEPS = (6, 12, 24, 48, 96)
-RESOLUTIONS = (128, 256)
-REFERENCE = (192, 256)
+REFERENCE = 192
 REPEATS = 3
 # Of the pixels, this one in so many is rendered.
 THINNING = 5
@@ -107,9 +106,9 @@ def run_renderings(target: Target, scene: Scene) -> list[dict]:
     rays = every[np.flatnonzero(hit)[::THINNING]]
     sun = sun_direction(target.imagery.time)
 
-    def prepared(steps: int, resolution: int) -> Callable[[], np.ndarray]:
+    def prepared(steps: int) -> Callable[[], np.ndarray]:
         of_steps = with_steps(scene, steps)
-        image = prepare(of_steps, rays, sun, resolution=resolution)
+        image = prepare(of_steps, rays, sun)
 
         def run() -> np.ndarray:
             seen = render(of_steps, image)
@@ -117,11 +116,11 @@ def run_renderings(target: Target, scene: Scene) -> list[dict]:
 
         return run
 
-    truth = prepared(*REFERENCE)()
-    cases = {(n, voxels): prepared(n, voxels) for voxels in RESOLUTIONS for n in STEPS}
+    truth = prepared(REFERENCE)()
+    cases = {steps: prepared(steps) for steps in STEPS}
     rows = [
-        {"steps": steps, "resolution": voxels} | _errors(scene.bands, run(), truth)
-        for (steps, voxels), run in cases.items()
+        {"steps": steps} | _errors(scene.bands, run(), truth)
+        for steps, run in cases.items()
     ]
     seconds = {case: [] for case in cases}
     for _ in range(REPEATS):
@@ -165,7 +164,7 @@ def tables(found: dict) -> str:
         for f in found["fits"]
     ]
     renderings = [
-        [r["steps"], f"{r['resolution']}³", f"{r['seconds']:.2f}"]
+        [r["steps"], f"{r['seconds']:.2f}"]
         + [f"{e:.3f}" for e in r["rmse_over_std"].values()]
         + [f"{e:.4f}" for e in r["w1_over_std"].values()]
         for r in found["renderings"]
@@ -179,7 +178,7 @@ def tables(found: dict) -> str:
             ),
             "",
             *_table(
-                ["march steps", "voxels", "render s"]
+                ["march steps", "render s"]
                 + [f"RMSE/std {name}" for name in names]
                 + [f"W1/std {name}" for name in names],
                 renderings,
@@ -198,17 +197,14 @@ def draw(found: dict, path: Path) -> None:
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2)
     for colour, number in zip(("C0", "C1", "C3"), found["bands"], strict=False):
-        for resolution, line in zip(RESOLUTIONS, ("-", "--"), strict=True):
-            rows = [r for r in found["renderings"] if r["resolution"] == resolution]
-            left.loglog(
-                [r["seconds"] for r in rows],
-                [r["rmse_over_std"][number] for r in rows],
-                line,
-                color=colour,
-                marker="o",
-                markersize=3,
-                label=f"C{number:02d}, {resolution}³",
-            )
+        left.loglog(
+            [r["seconds"] for r in found["renderings"]],
+            [r["rmse_over_std"][number] for r in found["renderings"]],
+            color=colour,
+            marker="o",
+            markersize=3,
+            label=f"C{number:02d}",
+        )
         right.plot(
             [f["rays"] for f in found["fits"]],
             [f["w1_over_std"][number] for f in found["fits"]],
@@ -217,10 +213,9 @@ def draw(found: dict, path: Path) -> None:
             markersize=3,
             label=f"C{number:02d}",
         )
-    steps, resolution = REFERENCE
     left.set(
         xlabel=f"rendering, s ({', '.join(map(str, STEPS))} steps)",
-        ylabel=f"pixel RMSE/std against {steps} steps, {resolution}³",
+        ylabel=f"pixel RMSE/std against {REFERENCE} steps",
     )
     right.set(xlabel="rays", ylabel="W1/std of the fitted image", xscale="log")
     right.set_xticks(RAYS, map(str, RAYS))

@@ -15,12 +15,12 @@ from cloudjax import (
     CloudFunction,
     DisplacementMap,
     EmissiveBands,
-    Footprint,
     FractalCloud,
+    Gaussian,
     InvertedWorley,
+    Ladder,
     Latent,
     Layer,
-    Perlin,
     Rays,
     ReflectiveBands,
     Sampling,
@@ -31,7 +31,6 @@ from cloudjax import (
     View,
     radiances,
 )
-from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.geodesy import ecef
 from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax.light.ground import ClearRadiances, GroundSamples, Leaving
@@ -100,9 +99,11 @@ def sun(zenith_deg: float, latitude_deg=20.0, longitude_deg=10.0) -> np.ndarray:
 
 
 def cloud_function(**changes) -> CloudFunction:
-    """Eq. (1) for a cloud between 1 and 3 km, with two textures."""
+    """Eq. (1) for a cloud between 1 and 3 km, with ladders of two rungs and of one."""
     values = {
         "weights": (1.0, 0.5),
+        "persistences": (0.6, 0.7),
+        "gains": (1.0, 1.1, 0.9),
         "mask_gain": 1.0,
         "threshold": 0.2,
         "barrier_strength": 1.0,
@@ -117,14 +118,23 @@ def cloud_function(**changes) -> CloudFunction:
 LOW_SHELL = Shell(500.0, 4000.0)
 
 
-def fractal_cloud(shell: Shell = LOW_SHELL, nodes: int = 1, **changes) -> FractalCloud:
-    """A cloud of Perlin and Worley noise in a shell."""
+CREASED = Ladder(InvertedWorley(), 12e3, 12e3)
+# Without creases, for what is to converge as if CF were smooth.
+SMOOTH = Ladder(Gaussian(), 9e3, 9e3)
+
+
+def fractal_cloud(
+    shell: Shell = LOW_SHELL,
+    nodes: int = 1,
+    second: Ladder = CREASED,
+    **changes,
+) -> FractalCloud:
+    """A cloud of Gaussian and Worley noise in a shell."""
     return FractalCloud(
         function=cloud_function(**changes),
         latent=Latent.gauss_hermite(nodes),
         shell=shell,
-        fractals=(Perlin(4, octaves=2), InvertedWorley(4)),
-        length_scales_m=(40e3, 17e3),
+        ladders=(Ladder(Gaussian(), 20e3, 10e3), second),
         seed=3,
     )
 
@@ -288,10 +298,6 @@ def make_background(scene: Scene, rays: int, reflected=20.0, emitted=100.0):
     )
 
 
-def make_textures(scene: Scene, footprint: Footprint = POINT, resolution: int = 16):
-    return march_view.make_textures(scene, footprint, resolution)
-
-
 def lay_along(
     scene: Scene,
     rays: Rays,
@@ -299,14 +305,15 @@ def lay_along(
     masks: Sequence | None = None,
     displacements: Sequence | None = None,
     *,
-    footprint: Footprint = POINT,
+    width_m: float = 0.0,
     knots: int = 2,
     twice: bool = False,
 ) -> march_view.Ways:
     """The ways of rays of one kind, whatever their pixels really are."""
     weathered = under_weather(scene, masks, displacements)
-    sampling = Sampling(footprint, knots, knots)
-    return march_view.lay(weathered, rays, sun_direction, sampling, twice=twice)
+    some = with_pixels(rays, width_m)
+    read = sampling(width_m, knots)
+    return march_view.lay(weathered, some, sun_direction, read, twice=twice)
 
 
 def view_along(
@@ -314,18 +321,14 @@ def view_along(
     rays: Rays,
     sun_direction: np.ndarray,
     masks: Sequence | None = None,
-    *,
-    footprint: Footprint = POINT,
-    resolution: int = 16,
     **options,
 ) -> View:
     """A view of rays of one kind; masks are laid and then forgotten.
 
     So scenes of different masks are compiled once: what is compiled knows no mask.
     """
-    ways = lay_along(scene, rays, sun_direction, masks, footprint=footprint, **options)
-    textures = make_textures(scene, footprint, resolution)
-    return march_view.sample(scene, ways, textures)
+    ways = lay_along(scene, rays, sun_direction, masks, **options)
+    return march_view.sample(scene, ways, march_view.make_textures(scene))
 
 
 def seen_along(
@@ -348,6 +351,11 @@ def arrays(seen: BandRadiances) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(seen.reflective), np.asarray(seen.emissive)
 
 
-def pixel(width_m: float, slant: float = 1.0) -> Footprint:
-    """A pixel, longer along the first axis where seen aslant."""
-    return Footprint(width_m, width_m / slant)
+def with_pixels(rays: Rays, width_m: float) -> Rays:
+    """The rays with pixels so wide at the distance of a geostationary satellite."""
+    return dataclasses.replace(rays, pixel_rad=width_m / 3.6e7)
+
+
+def sampling(width_m: float = 0.0, knots: int = 2) -> Sampling:
+    """As often as noise can change along any ray whose pixels are so wide."""
+    return Sampling(width_m, stretch=8.0, knots=knots, held_knots=knots)

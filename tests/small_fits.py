@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cloudjax import Band, ClassTexture, CloudClass, Perlin, imagery_classes
+from cloudjax import Band, ClassTexture, CloudClass, Gaussian, Ladder, imagery_classes
 from cloudjax_fit.histogram import quantiles
 from cloudjax_fit.targets import BandStatistics, Target, block_of_pixels
 from cloudjax_scenes import Imagery
@@ -22,12 +22,11 @@ SHAPE = (24, 24)
 BLOCKS = (4, 4)
 BANDS = {1: Band(1, 0.47, SOLAR[1]), 13: Band(13, 10.33, None, PLANCK[13])}
 RULE = CloudRule(1, 0.25, 13, 270.0)
-RESOLUTION = 32
 
 
 def small_class(name: str = "low", hours: float = 0.0, **changes) -> CloudClass:
     """The low class of fits with one coarse texture."""
-    texture = ClassTexture(Perlin(4, octaves=2), 60e3, 1.0, hours)
+    texture = ClassTexture(Ladder(Gaussian(), 15e3, 7.5e3), 1.0, 0.5, hours)
     return replace(
         imagery_classes()["low_stratus"], name=name, textures=(texture,), **changes
     )

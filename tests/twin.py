@@ -27,7 +27,6 @@ BANDS = (1, 3, 13)
 # As many as fits have: with half, the march leaves dents in the objective
 # (docs/decisions.md).
 STEPS = 24
-RESOLUTION = 128
 # What each scene of clouds below is made of; the rest stays at its default.
 TRUTH = {
     "cirrus.weight_fine": 0.7,
@@ -64,7 +63,7 @@ def make_twin(folder: Path, seed: int = 3) -> Twin:
     every = scene_parameters(made_of)
     free = [p for p in every if p.name in TRUTH]
     truth = put_all(scene, free, jnp.asarray([TRUTH[p.name] for p in free]))
-    image = simulate_image(truth, made_of, resolution=RESOLUTION)
+    image = simulate_image(truth, made_of)
     _write(folder / "twin", {b: image.band(b) for b in BANDS}, seed)
     seen = observe(open_folder(folder / "twin").read(BANDS), BANDS)
     target = _with_weather(seen, weather)
@@ -76,7 +75,6 @@ def make_twin(folder: Path, seed: int = 3) -> Twin:
         parameters,
         rays=SHAPE[0] * SHAPE[1],
         seed=seed,
-        resolution=RESOLUTION,
     )
     return Twin(target, problem, parameters)
 

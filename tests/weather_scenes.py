@@ -11,7 +11,7 @@ from tests.generated_grib import write_grib
 
 NOON = datetime(2019, 10, 27, 18, tzinfo=UTC)
 LEVELS = {1000: 110.0, 850: 1500.0, 700: 3000.0, 500: 5600.0, 300: 9200.0, 100: 16500.0}
-SMALL = ("--steps", "6", "--resolution", "32")
+SMALL = ("--steps", "6")
 ASKED = ("--bands", "2,7,13", "--quantity", "all")
 MESO = ("abi-meso-10km", "--centre", "20,-80")
 CLASS = """
@@ -39,12 +39,11 @@ vertical_wind_width_pa_s = 0.2
 temperature_width_k = 5.0
 
 [[{name}.textures]]
-fractal = "perlin"
-cells = 4
-octaves = 3
-persistence = 0.5
-length_scale_m = 900e3
+noise = "gaussian"
+longest_m = 225e3
+shortest_m = 50e3
 weight = 1.0
+persistence = 0.5
 displacement_hours = {hours}
 """
 LOW = {

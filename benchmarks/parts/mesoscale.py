@@ -74,7 +74,7 @@ def make_truths(demo, pixels, sizes) -> dict[str, np.ndarray]:
         worker = Worker(load_peer, "layered_jax", file)
         _, peers = worker.run("render")
         worker.close()
-    own = hard_rays(demo.scene(steps, 1), rays, demo.sun, demo.voxels)
+    own = hard_rays(demo.scene(steps, 1), rays, demo.sun)
     return {
         name: seen.reshape(len(seen), len(pixels), parts**2).mean(-1)
         for name, seen in (("peers", peers), ("cloudjax", own))

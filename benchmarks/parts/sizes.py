@@ -14,8 +14,8 @@ class Sizes:
 
     - `disc`: pixels, voxels and steps of the only full disc; None for Table 3.
     - `presets`: steps and nodes of cloudjax.
-    - `truth_pixels`, `truth_parts`, `truth_steps`, `truth_voxels`: a random choice of
-      pixels, hard rays per pixel and axis, steps, voxels per axis.
+    - `truth_pixels`, `truth_parts`, `truth_steps`: a random choice of pixels, hard rays
+      per pixel and axis, steps.
     - `mesoscale_voxels`: per axis; `mesoscale_steps`, `mesoscale_presets`: of the peers
       and of cloudjax.
     - `map_degrees`, `map_steps`: of the displacement map.
@@ -37,8 +37,6 @@ class Sizes:
     truth_pixels: int = 2000
     truth_parts: int = 8
     truth_steps: int = 200
-    truth_voxels: int = 256
-    # The fewest that hold all octaves of its classes.
     mesoscale_voxels: int = 128
     mesoscale_steps: int = 24
     mesoscale_presets: tuple[tuple[int, int], ...] = ((6, 3), (12, 3), (24, 5))
@@ -55,12 +53,12 @@ class Sizes:
 
 
 QUICK = Sizes(
-    disc=(24, 32, 8),
+    disc=(24, 64, 8),
     presets=((6, 3),),
     truth_pixels=200,
     truth_parts=2,
     truth_steps=16,
-    truth_voxels=32,
+    mesoscale_voxels=64,
     mesoscale_steps=6,
     mesoscale_presets=((6, 3),),
     map_degrees=5.0,
@@ -71,7 +69,7 @@ QUICK = Sizes(
     scan_steps=(4, 8),
     scan_layers=(1, 2),
     scan_bands=(1, 2),
-    scan_voxels=32,
+    scan_voxels=64,
     repeats=1,
 )
 

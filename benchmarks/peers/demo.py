@@ -11,13 +11,14 @@ from cloudjax_scenes import SceneFromImagery
 
 from .ours import Sight
 from .problem import clouds_of
+from .straight import straight
 from .work import Mask, Picture, Work
 
 
 class Demo:
     """GOES-17, 2019-10-27, bands 1, 3 and 13, at the defaults of all parameters.
 
-    **Fields:** `voxels`: per axis of the textures.
+    **Fields:** `voxels`: per axis of the peers' textures.
     """
 
     def __init__(self, voxels: int):
@@ -49,14 +50,17 @@ class Demo:
         return fine.rays(rows * fine.shape[1] + columns)
 
     def sight(self) -> Sight:
-        return Sight(self.rays, self.sun, self.voxels)
+        return Sight(self.rays, self.sun)
 
     def scene(self, steps: int, nodes: int) -> Scene:
         scene = dataclasses.replace(self._made_of, steps=steps).build()
         latent = Latent.gauss_hermite(nodes)
         layers = tuple(
             dataclasses.replace(
-                layer, cloud=dataclasses.replace(layer.cloud, latent=latent)
+                layer,
+                cloud=dataclasses.replace(
+                    straight(layer.cloud, self.voxels), latent=latent
+                ),
             )
             for layer in scene.layers
         )

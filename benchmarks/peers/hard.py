@@ -6,21 +6,25 @@ import numpy as np
 
 from cloudjax import (
     BandRadiances,
-    FractalCloud,
     Rays,
     Sampling,
     Scene,
     radiances,
 )
-from cloudjax.geometry.footprint import POINT
+from cloudjax.geometry.footprint import Footprint
 from cloudjax.march.view import lay, make_textures, sample
+
+from .straight import FIELDS, StraightCloud
 
 
 AT_ONCE = 4096
 
 
-class HardCloud(FractalCloud):
+class HardCloud(StraightCloud):
     """A step is cloud where the cloud function is positive."""
+
+    def pixel(self, way, steps):
+        return Footprint.level(0 * way.width_m, way.stretch)
 
     def occupancy(self, samples, steps):
         soft = super().occupancy(samples, steps)
@@ -38,16 +42,15 @@ def hardened(scene: Scene) -> Scene:
     return eqx.tree_at(lambda s: [layer.cloud for layer in s.layers], scene, clouds)
 
 
-FIELDS = tuple(FractalCloud.__dataclass_fields__)
-
-
-def hard_rays(scene: Scene, rays: Rays, sun, voxels: int) -> np.ndarray:
+def hard_rays(scene: Scene, rays: Rays, sun) -> np.ndarray:
     """Radiances of all bands, [bands rays]."""
     scene = hardened(scene)
-    textures = make_textures(scene, POINT, voxels)
+    textures = make_textures(scene)
     seen = []
     for start in range(0, len(rays), AT_ONCE):
-        ways = lay(scene, rays[start : start + AT_ONCE], sun, Sampling(POINT))
+        ways = lay(
+            scene, rays[start : start + AT_ONCE], sun, Sampling(0.0, stretch=6.0)
+        )
         view = sample(scene, ways, textures)
         seen.append(_stacked(radiances(scene, view)))
     return np.concatenate(seen, axis=1)

@@ -20,12 +20,11 @@ NAME = "cloudjax"
 class Sight:
     """Where a scene is looked at from.
 
-    **Fields:** `rays`: makes them. `voxels`: per axis of the textures.
+    **Fields:** `rays`: makes them.
     """
 
     rays: Callable[[], Rays]
     sun: np.ndarray
-    voxels: int
 
 
 class Marching:
@@ -39,7 +38,9 @@ class Marching:
         self._compile_seconds: dict[str, float] = {}
 
     def run(self) -> dict:
-        """Seconds of each part and of the march of each scene, and its picture."""
+        """Seconds of each part, of the march of each scene and of a picture that is
+        rendered once, and the pictures.
+        """
         laps, sight = Laps(), self._sight
         rays = sight.rays()
         laps.next("rays")
@@ -47,11 +48,11 @@ class Marching:
             max(self._scenes.values(), key=lambda scene: scene.layers[0].steps),
             rays,
             sight.sun,
-            resolution=sight.voxels,
         )
         laps.next("preparation")
-        march, images = {}, {}
+        march, whole, images = {}, {}, {}
         for name, scene in self._scenes.items():
+            whole[name] = _once(sight, scene)
             seconds, image = _march(prepared, scene)
             if name not in self._compile_seconds:
                 cold = seconds
@@ -61,9 +62,16 @@ class Marching:
         return {
             "view": laps.seconds,
             "march": march,
+            "whole": whole,
             "compile": self._compile_seconds,
             "images": images,
         }
+
+
+def _once(sight: Sight, scene: Scene) -> float:
+    started = time.perf_counter()
+    render(scene, sight.rays(), sight.sun)
+    return time.perf_counter() - started
 
 
 def _march(prepared: PreparedImage, scene: Scene) -> tuple[float, np.ndarray]:
@@ -94,7 +102,7 @@ def name_of(preset: tuple[int, int]) -> str:
 
 def disc(problem: Problem, presets, layers: int = 1, bands: int = 1) -> Marching:
     """The full disc with several presets."""
-    sight = Sight(lambda: problem.grid().rays(), SUN, problem.voxels)
+    sight = Sight(lambda: problem.grid().rays(), SUN)
     scenes = {name_of(p): problem.scene(*p, layers, bands) for p in presets}
     return Marching(sight, scenes)
 

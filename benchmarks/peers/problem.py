@@ -8,8 +8,6 @@ import numpy as np
 
 from cloudjax import (
     FixedGrid,
-    FractalCloud,
-    InvertedWorley,
     Latent,
     Layer,
     MaskGrid,
@@ -19,10 +17,10 @@ from cloudjax import (
     TwoFlux,
     UniformGround,
     cloud_classes,
-    make_texture,
 )
 from cloudjax.geometry.geodesy import up
 
+from .straight import StraightCloud, periods_m, straight, textures
 from .work import Clouds, Mask, Work
 
 
@@ -43,7 +41,7 @@ class Problem:
     **Fields:**
 
     - `pixels`: per side of the full disc.
-    - `voxels`: per axis of the textures.
+    - `voxels`: per axis of the peers' textures.
     - `steps`: of the peers through the shell.
     - `fraction`: of low cloud, [lat lon], ascending from pole to pole and from 0 E.
     - `extinction_per_m`: of the cloud; None for that of the class.
@@ -95,17 +93,9 @@ class Problem:
             steps=self.steps,
         )
 
-    def cloud(self, name: str = CLASS) -> FractalCloud:
+    def cloud(self, name: str = CLASS) -> StraightCloud:
         """A class, with as many octaves as the voxels can hold."""
-        cloud = cloud_classes()[name].cloud(SEED)
-
-        def held(fractal):
-            if isinstance(fractal, InvertedWorley):
-                return fractal
-            most = int(np.log2(self.voxels / (2 * fractal.cells))) + 1
-            return dataclasses.replace(fractal, octaves=min(fractal.octaves, most))
-
-        return dataclasses.replace(cloud, fractals=tuple(map(held, cloud.fractals)))
+        return straight(cloud_classes()[name].cloud(SEED), self.voxels)
 
     def scene(self, steps: int, nodes: int, layers: int = 1, bands: int = 1) -> Scene:
         """The same for cloudjax, in bands whose radiance is the reflectance.
@@ -142,16 +132,13 @@ class Problem:
 
 
 def clouds_of(
-    cloud: FractalCloud, mask: Mask, extinction_per_m: float, voxels: int
+    cloud: StraightCloud, mask: Mask, extinction_per_m: float, voxels: int
 ) -> Clouds:
     """A cloud of cloudjax for its peers, with textures of points."""
     f = cloud.function
     return Clouds(
-        voxels=tuple(
-            np.array(make_texture(fractal, cloud.seed + i, voxels).voxels)
-            for i, fractal in enumerate(cloud.fractals)
-        ),
-        period_m=cloud.length_scales_m,
+        voxels=textures(cloud, voxels),
+        period_m=periods_m(cloud),
         weight=tuple(float(m) for m in f.weights),
         mask=mask,
         mask_gain=float(f.mask_gain),

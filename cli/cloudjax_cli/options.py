@@ -65,11 +65,16 @@ classes_option = click.option(
 
 light_option = click.option("--light", help="physical or paper.  [default: paper]")
 
+# Of earlier releases, whose textures had voxels to choose. It still does no harm.
+resolution_option = click.option(
+    "--resolution", type=int, hidden=True, deprecated=True, expose_value=False
+)
+
 # Checked with those of scene.toml, by the same rules.
 _FIT_OPTIONS = (
     click.option("--rays", type=int, help="Pixels simulated at each step."),
     click.option("--steps", type=int, help="Steps through each cloud shell."),
-    click.option("--resolution", type=int, help="Voxels per axis of the textures."),
+    resolution_option,
     click.option("--starts", type=int, help="Starts; the best fit is kept."),
     click.option("--max-steps", type=int, help="Steps of the solver at most."),
     click.option("--seed", type=int, help="Of clouds, rays and starts."),

@@ -5,7 +5,13 @@ from pathlib import Path
 
 import click
 
-from .options import Time, bands_option, classes_option, ignore_weather_option
+from .options import (
+    Time,
+    bands_option,
+    classes_option,
+    ignore_weather_option,
+    resolution_option,
+)
 
 
 class Place(click.ParamType):
@@ -22,7 +28,7 @@ class Place(click.ParamType):
 
 
 _OF_SCENES = ("parameters", "ignore_weather")
-_OF_SENSORS = ("time", "longitude", "centre")
+_OF_SENSORS = ("time", "longitude", "centre", "place")
 
 
 @click.command()
@@ -30,7 +36,7 @@ _OF_SENSORS = ("time", "longitude", "centre")
 @click.option("-o", "--output", required=True, metavar="OUT.nc")
 @bands_option
 @click.option("--steps", type=int, help="Through each cloud shell.")
-@click.option("--resolution", type=int, help="Voxels per axis.")
+@resolution_option
 @click.option("--seed", type=int, help="Of the clouds.")
 @click.option(
     "--light",
@@ -58,6 +64,13 @@ _OF_SENSORS = ("time", "longitude", "centre")
     metavar="GRIB",
     help="Sensor: a global analysis; again for those of other times.",
 )
+@click.option(
+    "--wrf",
+    multiple=True,
+    metavar="WRFOUT",
+    help="Sensor: a weather model's own clouds; again for more files of the run.",
+)
+@click.option("--place", type=Place(), help="Sensor: centre of an ideal WRF run.")
 @click.option("--time", type=Time(), help="Sensor: UTC.  [default: of the weather]")
 @click.option("--frames", type=click.IntRange(1), default=1, help="Sensor: images.")
 @click.option(
@@ -69,23 +82,24 @@ _OF_SENSORS = ("time", "longitude", "centre")
 @classes_option
 @click.option("--longitude", type=float, help="Sensor: of an ABI's satellite.")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
-def render(target, output, bands, weather, **options) -> None:
+def render(target, output, bands, weather, wrf, **options) -> None:
     """Simulate the radiances of a scene, or of a sensor over weather.
 
     A SCENE is a folder: where clouds may stand and what is below them comes from its
     files. A SENSOR is a name such as abi-fulldisk-10km, abi-conus-2km or abi-meso-1km,
-    or a TOML file; clouds, winds and ground come from --weather.
+    or a TOML file; clouds, winds and ground come from --weather, or from --wrf.
 
     Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
     and so on.
     """
     path = _writable(output)
     if not Path(target).is_dir():
-        _render_sensor(target, path, bands, weather, options)
+        _render_sensor(target, path, bands, weather, wrf, options)
         return
-    if weather:
+    if weather or wrf:
         raise click.UsageError(
-            f"{target} is a scene, whose weather is in its folder: leave out --weather"
+            f"{target} is a scene, whose weather is in its folder: leave out "
+            f"--{'weather' if weather else 'wrf'}"
         )
     _refuse(_OF_SENSORS, options, f"{target} is a scene")
     _render_scene(target, path, bands, options)
@@ -122,9 +136,7 @@ def _render_scene(scene: str, path: Path, bands, options) -> None:
     inputs = read_inputs(
         scene,
         bands=bands,
-        options={
-            name: options[name] for name in ("steps", "resolution", "seed", "light")
-        },
+        options={name: options[name] for name in ("steps", "seed", "light")},
         classes=options["classes"],
         fitted=None if file is None else read_parameters(file),
         ignore_weather=options["ignore_weather"],
@@ -140,7 +152,7 @@ def _render_scene(scene: str, path: Path, bands, options) -> None:
     click.echo(f"{path} and {path.with_suffix('.png')}")
 
 
-def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
+def _render_sensor(sensor: str, path: Path, bands, weather, wrf, options) -> None:
     from cloudjax_scenes.band_image import chosen_quantities
     from cloudjax_scenes.sensors import read_sensor
 
@@ -152,12 +164,42 @@ def _render_sensor(sensor: str, path: Path, bands, weather, options) -> None:
     )
     chosen = view.choose(bands)
     quantities = chosen_quantities(options["quantities"], chosen)
+    if wrf:
+        if weather:
+            raise click.UsageError("clouds come from --weather or --wrf: give one")
+        _render_model(wrf, view, chosen, path, options, quantities)
+        return
     if not weather:
-        raise click.UsageError(f"{sensor} needs clouds: give --weather GFS.grib2")
+        raise click.UsageError(
+            f"{sensor} needs clouds: give --weather GFS.grib2 or --wrf WRFOUT"
+        )
+    _refuse(("place",), options, "the place of an ideal run is for --wrf")
     world = _world(weather, options)
-    resolution = 128 if options["resolution"] is None else options["resolution"]
-    world.require_resolution(resolution)
-    _render_frames(world, view, chosen, path, options, resolution, quantities)
+    _render_frames(world, view, chosen, path, options, quantities)
+
+
+def _render_model(wrf, view, chosen, path: Path, options, quantities) -> None:
+    from cloudjax_data import open_wrf, read_wrf
+    from cloudjax_scenes.image_strips import render_strips, write_strips
+    from cloudjax_scenes.model_scene import ModelWorld
+
+    from .progress import tile_progress
+
+    _refuse(("seed", "classes"), options, "clouds of --wrf are the model's own")
+    if options["frames"] > 1:
+        raise click.UsageError("--wrf gives one image: leave out --frames")
+    frame = open_wrf(wrf).at(options["time"])
+    columns = read_wrf(frame, options["place"])
+    given = {name: options[name] for name in ("steps", "light", "shadows")}
+    world = ModelWorld(
+        columns, **{name: value for name, value in given.items() if value is not None}
+    )
+    for caution in columns.cautions():
+        click.echo(caution)
+    with tile_progress(path.name) as on_tile:
+        images = render_strips(world, view, chosen, frame.time, on_tile=on_tile)
+        write_strips(path, images, world, quantities)
+    click.echo(f"{path} and {path.with_suffix('.png')}")
 
 
 def _world(weather, options):
@@ -171,7 +213,7 @@ def _world(weather, options):
     )
 
 
-def _render_frames(world, view, chosen, path, options, resolution, quantities) -> None:
+def _render_frames(world, view, chosen, path, options, quantities) -> None:
     from cloudjax_scenes.image_strips import render_strips, write_strips
 
     from .progress import tile_progress
@@ -183,15 +225,7 @@ def _render_frames(world, view, chosen, path, options, resolution, quantities) -
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
         file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
         with tile_progress(file.name) as on_tile:
-            images = render_strips(
-                world,
-                view,
-                chosen,
-                time,
-                air,
-                resolution=resolution,
-                on_tile=on_tile,
-            )
+            images = render_strips(world, view, chosen, time, air, on_tile=on_tile)
             write_strips(file, images, world, quantities)
         click.echo(f"{file} and {file.with_suffix('.png')}")
 

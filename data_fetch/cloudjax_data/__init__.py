@@ -34,3 +34,8 @@ from .weather_cube import check_altitude as check_altitude
 from .weather_cube import check_time as check_time
 from .weather_cube import read_weather as read_weather
 from .weather_series import WeatherSeries as WeatherSeries
+from .wrf import WrfColumns as WrfColumns
+from .wrf import read_wrf as read_wrf
+from .wrf_times import WrfFrame as WrfFrame
+from .wrf_times import WrfRun as WrfRun
+from .wrf_times import open_wrf as open_wrf

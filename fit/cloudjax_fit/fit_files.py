@@ -264,8 +264,7 @@ def _facts(result: FitResult) -> dict[str, str]:
         "light": result.settings.light,
         "optical depth": "{median:.3g} ({lower:.3g} to {upper:.3g}), vertical, of "
         "cloud pixels at 0.64 µm".format(**optical_depths(result)),
-        "fitted with": f"{result.settings.rays} rays of {result.settings.steps} steps, "
-        f"textures of {result.settings.resolution}³",
+        "fitted with": f"{result.settings.rays} rays of {result.settings.steps} steps",
     } | ({"held": held} if held else {})
 
 

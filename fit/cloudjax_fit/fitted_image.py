@@ -32,7 +32,7 @@ def fitted_image(
         made_of.build(), parameters, jnp.asarray([values[p.name] for p in parameters])
     )
     scene = replace(scene, shadows=made_of.light.shadows(shadows))
-    return simulate_image(scene, made_of, inputs.settings.fit.resolution), values
+    return simulate_image(scene, made_of), values
 
 
 def fitted_values(inputs: FitInputs) -> dict[str, float]:

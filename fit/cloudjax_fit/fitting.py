@@ -33,7 +33,6 @@ class FitSettings:
 
     - `rays`: pixels that are simulated at each step.
     - `steps`: of the march through each shell.
-    - `resolution`: voxels per axis of the textures.
     - `starts`: the defaults, and this many less one drawn from the priors.
     - `max_steps`: of the solver from each start.
     - `seed`: of textures, rays, starts and bootstrap.
@@ -42,7 +41,6 @@ class FitSettings:
 
     rays: int = 8192
     steps: int = 24
-    resolution: int = 128
     starts: int = 1
     max_steps: int = 150
     seed: int = 0
@@ -129,7 +127,6 @@ def fit(
         free,
         rays=settings.rays,
         seed=settings.seed,
-        resolution=settings.resolution,
     )
     clock.lap("prepare")
     solver = Solver(problem, max_steps=settings.max_steps, on_step=on_step)
@@ -142,8 +139,8 @@ def fit(
     )
     clock.lap("uncertainty")
     fitted = put_all(scene, free, values_of(free, jnp.asarray(best.z)))
-    start = simulate_image(scene, made_of, settings.resolution)
-    image = simulate_image(fitted, made_of, settings.resolution)
+    start = simulate_image(scene, made_of)
+    image = simulate_image(fitted, made_of)
     clock.lap("render")
     depths = {
         layer.name: depth

@@ -155,7 +155,6 @@ def pose(
     *,
     rays: int,
     seed: int,
-    resolution: int = 128,
 ) -> tuple[Problem, Int[np.ndarray, " rays"]]:
     """Choose rays and lay them through the scene.
 
@@ -165,18 +164,13 @@ def pose(
     **Arguments:**
 
     - `scene`: of the target's imagery, at the parameters' defaults.
-    - `rays`: how many, drawn by `seed`; `resolution`: voxels per axis of the textures.
+    - `rays`: how many, drawn by `seed`.
 
     **Returns:** the problem and the pixels that its rays belong to.
     """
     pixels = _draw_pixels(target, rays, seed)
     imagery = target.imagery
-    view = look(
-        scene,
-        imagery.grid.rays(pixels),
-        sun_direction(imagery.time),
-        resolution=resolution,
-    )
+    view = look(scene, imagery.grid.rays(pixels), sun_direction(imagery.time))
     block = block_of_pixels(imagery.grid.shape, target.blocks)[pixels]
     bands = [target.statistics[number] for number in scene.bands]
     bins = Bins(

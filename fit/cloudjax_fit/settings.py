@@ -46,11 +46,11 @@ from .parameters import Parameter, unbounded_of, with_overrides
 from .scene_parameters import known_names, scene_parameters
 
 
-# The finest texture has 64 cells per period, of two voxels each at least.
+# Earlier releases had textures with voxels to choose.
+_NO_LONGER = ("resolution",)
 _FIT = {
     "rays": within(1, 10**9),
     "steps": within(1, 10**4),
-    "resolution": within(128, 1024),
     "starts": within(1, 10**4),
     "max_steps": within(1, 10**6),
     "seed": within(0, 2**62),
@@ -107,7 +107,9 @@ def read_settings(content: Mapping[str, Any], source: str) -> Settings:
     require_known(content, ("fit", "rule", "parameters"), "section", source)
     sections = {name: _table(content, name, source) for name in content}
     fit = dict(sections.get("fit", {}))
-    require_known(fit, (*_FIT, "bands", "classes"), "key of [fit]", source)
+    known = (*_FIT, *_NO_LONGER, "bands", "classes")
+    require_known(fit, known, "key of [fit]", source)
+    fit = {key: value for key, value in fit.items() if key not in _NO_LONGER}
     bands, classes = fit.pop("bands", None), fit.pop("classes", None)
     rule = sections.get("rule", {})
     require_known(rule, _RULE_KEYS, "key of [rule]", source)

@@ -17,6 +17,7 @@ from cloudjax import Band, FixedGrid
 from cloudjax_data.whole_files import staged
 
 from .band_image import BandImage
+from .model_scene import ModelWorld
 from .netcdf import disk_errors, write_netcdf
 from .quantity import RADIANCE, Quantity
 from .sensor_image import SensorImage, render_sensor, sensor_dataset, write_picture
@@ -47,13 +48,12 @@ def strips(sensor: Sensor, pixels: int = PIXELS_AT_ONCE) -> list[Sensor]:
 
 
 def render_strips(
-    world: World,
+    world: World | ModelWorld,
     sensor: Sensor,
     bands: list[Band],
     time: datetime,
     winds: Winds | None = None,
     *,
-    resolution: int = 128,
     pixels: int = PIXELS_AT_ONCE,
     on_tile: Callable[[int, int], None] | None = None,
 ) -> Iterator[SensorImage]:
@@ -70,9 +70,7 @@ def render_strips(
             if on_tile is not None:
                 on_tile(int(above + size * done / count), int(every))
 
-        yield render_sensor(
-            world, strip, bands, time, winds, resolution=resolution, on_tile=in_strip
-        )
+        yield render_sensor(world, strip, bands, time, winds, on_tile=in_strip)
         above += size
     if on_tile is not None:
         on_tile(int(every), int(every))
@@ -81,7 +79,7 @@ def render_strips(
 def write_strips(
     path: str | os.PathLike[str],
     images: Iterable[SensorImage],
-    world: World,
+    world: World | ModelWorld,
     quantities: Sequence[Quantity] = (RADIANCE,),
 ) -> None:
     """Write strips from the top down as one CF netCDF file, and a PNG beside it.

@@ -28,6 +28,7 @@ from cloudjax_data import (
 )
 
 from .band_image import BandImage, write_band_picture
+from .model_scene import ModelWorld
 from .quantity import RADIANCE, Quantity
 from .sensors import Sensor
 from .weather_scene import Winds, World
@@ -79,13 +80,12 @@ class SensorImage:
 
 
 def render_sensor(
-    world: World,
+    world: World | ModelWorld,
     sensor: Sensor,
     bands: list[Band],
     time: datetime,
     winds: Winds | None = None,
     *,
-    resolution: int = 128,
     on_tile: Callable[[int, int], None] | None = None,
 ) -> SensorImage:
     """Render one frame.
@@ -93,12 +93,8 @@ def render_sensor(
     **Arguments:**
 
     - `winds`: how they have drawn the clouds, where that is at hand; else the world's.
-    - `resolution`: voxels per axis of the textures.
     - `on_tile`: called with the numbers of rays done and of all.
-
-    **Raises:** `DataError` if the resolution is too coarse for a texture.
     """
-    world.require_resolution(resolution)
     view, sun = sensor.view, sun_direction(time)
     ground, hit = view.rays().ground()
     scene = world.scene(bands, time, winds, day=_is_day(ground, hit, sun))
@@ -110,7 +106,6 @@ def render_sensor(
         lambda index: view.rays(pixels[index]),
         sun,
         rays=len(pixels),
-        resolution=resolution,
         with_products=True,
         on_tile=on_tile,
     )
@@ -169,7 +164,9 @@ def _is_day(ground: GroundPoints, hit, sun: Float[np.ndarray, "3"]) -> bool:
 
 
 def sensor_dataset(
-    image: SensorImage, world: World, quantities: Sequence[Quantity] = (RADIANCE,)
+    image: SensorImage,
+    world: World | ModelWorld,
+    quantities: Sequence[Quantity] = (RADIANCE,),
 ) -> xr.Dataset:
     """A CF-1.8 Dataset with radiances, or other quantities, and cloud products.
 
@@ -194,7 +191,7 @@ def sensor_dataset(
             "source": f"cloudjax {cloudjax.__version__}",
             "sensor": image.sensor.name,
             "platform": image.sensor.platform,
-            "weather": ", ".join(cube.path.name for cube in world.series.cubes),
+            "weather": ", ".join(world.sources),
             "seed": world.seed,
             "steps": world.steps,
             "light": world.light,

@@ -41,15 +41,12 @@ class SimulatedImage:
         return self.radiance[self.bands.index(number)]
 
 
-def simulate_image(
-    scene: Scene, made_of: SceneFromImagery, resolution: int = 128
-) -> SimulatedImage:
+def simulate_image(scene: Scene, made_of: SceneFromImagery) -> SimulatedImage:
     """Render all pixels of imagery that see the Earth.
 
     **Arguments:**
 
     - `scene`: built of `made_of`, perhaps with other parameters.
-    - `resolution`: voxels per axis of the textures.
     """
     imagery = made_of.imagery
     every = imagery.grid.rays()
@@ -59,7 +56,6 @@ def simulate_image(
         scene,
         rays,
         sun_direction(imagery.time),
-        resolution=resolution,
         with_products=True,
     )
     clouds = image.clouds

@@ -84,6 +84,16 @@ class Surface(AbstractMappedGround):
             height = np.nan_to_num(data["orog"].to_numpy().astype(np.float64))
         return cls(share, land_grid, kelvin, height, LatLonGrid.from_axes(*axes))
 
+    @classmethod
+    def as_warm_as(
+        cls,
+        air_k: Float[np.ndarray, "lat lon"],
+        height_m: Float[np.ndarray, "lat lon"],
+        grid: LatLonGrid,
+    ) -> "Surface":
+        """Make it as warm as air next to the ground, at heights, at places."""
+        return cls(*_land_share(), air_k, height_m, grid)
+
     def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
         """Read what the ground is like at the places."""
         place = places.latitude_deg, places.longitude_deg

@@ -120,18 +120,10 @@ class World:
         """The strategy for light."""
         return light_named(self.light)
 
-    def require_resolution(self, voxels: int) -> None:
-        """Raise `DataError` if so many per axis are too few for a texture."""
-        needed, name = max(
-            (2 * texture.fractal.finest_cells, one.name)
-            for one in self.classes.values()
-            for texture in one.textures
-        )
-        if voxels < needed:
-            raise DataError(
-                f"resolution = {voxels} is too coarse for the textures of {name}, "
-                f"which need two voxels per cell: make it {needed} or more."
-            )
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of the files that it is made of."""
+        return tuple(cube.path.name for cube in self.series.cubes)
 
     def scene(
         self,

@@ -41,6 +41,8 @@ class Kind:
         """
         if not self.holds(value):
             raise TomlError(f"{where} gives {key} = {value!r}: make it {self.words}.")
+        if self is NUMBERS:
+            return [float(one) for one in value]
         return float(value) if self in (NUMBER, ANY_NUMBER, POSITIVE) else value
 
 
@@ -63,6 +65,10 @@ POSITIVE = Kind("a positive number", lambda value: _is_finite(value) and value >
 WHOLE = Kind("a whole number", is_whole)
 TEXT = Kind("a text", lambda value: isinstance(value, str))
 LIST = Kind("a list", lambda value: isinstance(value, list))
+NUMBERS = Kind(
+    "a list of finite numbers",
+    lambda value: isinstance(value, list) and all(_is_finite(x) for x in value),
+)
 FLAG = Kind("true or false", lambda value: isinstance(value, bool))
 TABLE = Kind("a table", lambda value: isinstance(value, Mapping))
 

@@ -7,20 +7,25 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import Sampling
-from cloudjax.geometry.footprint import POINT
 from cloudjax.geometry.shells import chords
 from cloudjax.march.march import first_surface, march
 from tests import hard_reference
-from tests.helpers import fractal_cloud, geostationary_rays
+from tests.helpers import (
+    SMOOTH,
+    fractal_cloud,
+    geostationary_rays,
+    sampling,
+    with_pixels,
+)
 
 
 STEPS = (12, 24, 48)
 EXTINCTION = 0.05
 # Hard steps whose own error, half of one at each edge of cloud, is below all others.
 FINE = 16 * STEPS[-1]
-RAYS = geostationary_rays(200, 25.0)
-TEXTURES = fractal_cloud().make_textures(POINT, 16)
+RAYS = with_pixels(geostationary_rays(200, 25.0), 0.0)
+CLOUD = fractal_cloud(threshold=0.6, second=SMOOTH)
+TEXTURES = CLOUD.make_textures()
 
 
 @eqx.filter_jit
@@ -40,13 +45,13 @@ def _soft(cloud, way, steps):
 
 @pytest.fixture(scope="module")
 def hard():
-    return hard_reference.march(fractal_cloud(threshold=0.6), TEXTURES, RAYS, FINE)
+    return hard_reference.march(CLOUD, RAYS, FINE)
 
 
 @ft.cache
 def _marched(steps: int, smoothing: float = 1e-5):
-    cloud = fractal_cloud(threshold=0.6, smoothing=smoothing)
-    way = cloud.navigate(RAYS, chords(RAYS, cloud.shell), Sampling(POINT))
+    cloud = fractal_cloud(threshold=0.6, smoothing=smoothing, second=SMOOTH)
+    way = cloud.navigate(RAYS, chords(RAYS, cloud.shell), sampling())
     return [np.asarray(x, float) for x in _soft(cloud, way, steps)]
 
 

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import ClearSky, Rays, Sampling, Shell
-from cloudjax.geometry.footprint import POINT
+from cloudjax import ClearSky, Rays, Shell
 from cloudjax.geometry.geodesy import ecef, geodetic, up
 from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax.geometry.shells import chords
@@ -14,6 +13,7 @@ from cloudjax.image.render import render
 from cloudjax.march.march import first_surface, march
 from tests.helpers import (
     GEOSTATIONARY_M,
+    SMOOTH,
     arrays,
     emissive_bands,
     fractal_cloud,
@@ -22,13 +22,17 @@ from tests.helpers import (
     make_scene,
     rays_to,
     reflective_bands,
+    sampling,
     sun,
+    with_pixels,
 )
 
 
 SHELL = Shell(500.0, 4000.0)
-CLOUD = fractal_cloud(SHELL, threshold=0.6, smoothing=1e-3, barrier_scale_m=150.0)
-TEXTURES = CLOUD.make_textures(POINT, 16)
+CLOUD = fractal_cloud(
+    SHELL, second=SMOOTH, threshold=0.6, smoothing=1e-3, barrier_scale_m=150.0
+)
+TEXTURES = CLOUD.make_textures()
 STEPS, EXTINCTION = 400, 0.2
 
 
@@ -50,7 +54,8 @@ def _surface(way):
 
 def _seen_at(rays: Rays):
     chord = chords(rays, SHELL)
-    distance, stopped = _surface(CLOUD.navigate(rays, chord, Sampling(POINT)))
+    way = CLOUD.navigate(with_pixels(rays, 0.0), chord, sampling())
+    distance, stopped = _surface(way)
     return rays.at(chord.entry_m + np.asarray(distance, float)), np.asarray(stopped)
 
 
@@ -110,7 +115,7 @@ SCENE = make_scene(
 
 def _image(**options):
     rays = geostationary_rays(600, 8.0)
-    return arrays(render(SCENE, rays, sun(40.0), resolution=16, **options).radiances)
+    return arrays(render(SCENE, rays, sun(40.0), **options).radiances)
 
 
 @pytest.fixture(scope="module")

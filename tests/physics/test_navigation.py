@@ -5,31 +5,38 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import FixedGrid, Rays, Sampling, Shell
-from cloudjax.geometry.footprint import POINT
+from cloudjax import FixedGrid, Rays, Shell
+from cloudjax.clouds.ladder import frames
 from cloudjax.geometry.geodesy import ecef, up
 from cloudjax.geometry.shells import chords
-from tests.helpers import fractal_cloud, rays_to
+from tests.helpers import fractal_cloud, rays_to, sampling, with_pixels
 
 
 SHELL = Shell(500.0, 4000.0)
 CLOUD = fractal_cloud(SHELL)
-TEXTURES = CLOUD.make_textures(POINT, 16)
+TEXTURES = CLOUD.make_textures()
+RUNGS = len(CLOUD.rungs)
 STEPS = 8
+FRAMES, SHIFTS = (part.astype(float) for part in frames(CLOUD.ladders, CLOUD.seed))
 
 
 @eqx.filter_jit
 def _sampled(way):
     samples = CLOUD.sample(way, TEXTURES, steps=STEPS, slopes=False)
     altitude = samples.path.altitude_m(samples.path.distance_m(STEPS))
-    return altitude, tuple(v.in_steps(STEPS) for v in samples.texture_values)
+    # Of each rung alone.
+    return altitude, tuple(
+        samples.fractal(jnp.eye(RUNGS)[i], STEPS) for i in range(RUNGS)
+    )
+
+
+def _navigate(rays: Rays):
+    return CLOUD.navigate(with_pixels(rays, 0.0), chords(rays, SHELL), sampling())
 
 
 def _middles(rays: Rays):
     """Altitude and texture values at the middle of each step, [rays steps]."""
-    altitude, values = _sampled(
-        CLOUD.navigate(rays, chords(rays, SHELL), Sampling(POINT))
-    )
+    altitude, values = _sampled(_navigate(rays))
     return np.asarray(altitude), np.stack([np.asarray(v) for v in values])
 
 
@@ -65,15 +72,16 @@ def test_two_satellites_meet_at_the_same_place():
         zero = np.zeros(2)
         satellite = FixedGrid(zero, zero, longitude).satellite_m
         rays = rays_to(satellite, target)
-        way = CLOUD.navigate(rays, chords(rays, SHELL), Sampling(POINT))
+        way = _navigate(rays)
         distance = np.linalg.norm(target - satellite) - float(
             chords(rays, SHELL).entry_m[0]
         )
         fraction = distance / float(way.path.length_m[0])
         altitude = way.path.altitude_m(jnp.full((1, 1), distance))
         assert float(altitude[0, 0]) == pytest.approx(2250, abs=0.02)
-        place = way.texture_entry[0] + fraction * way.texture_change[0, ..., 0]
-        expected = target[0] / np.asarray(CLOUD.length_scales_m)[:, None]
+        along = FRAMES @ np.asarray(way.change_m, float)[0, 0, :, 0]
+        place = np.asarray(way.entry, float)[0] + fraction * along
+        expected = FRAMES @ target[0] + SHIFTS
         off = (np.asarray(place) - expected + 0.5) % 1 - 0.5
         np.testing.assert_allclose(off, 0, atol=2e-6)
 
@@ -107,7 +115,7 @@ def test_texture_positions_keep_their_precision_on_the_device():
     angle = np.linspace(-0.14, 0.14, 15)
     rays = FixedGrid(angle, angle, 0.0).rays()
     chord = chords(rays, SHELL)
-    way = CLOUD.navigate(rays, chords(rays, SHELL), Sampling(POINT))
-    exact = rays.at(chord.entry_m)[:, None] / np.array(CLOUD.length_scales_m)[:, None]
-    off = (np.asarray(way.texture_entry, float) - exact + 0.5) % 1 - 0.5
+    way = _navigate(rays)
+    exact = np.einsum("oab,rb->roa", FRAMES, rays.at(chord.entry_m)) + SHIFTS
+    off = (np.asarray(way.entry, float) - exact + 0.5) % 1 - 0.5
     np.testing.assert_allclose(off, 0, atol=1e-7)

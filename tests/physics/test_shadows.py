@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -224,9 +225,9 @@ def test_level_clouds_do_not_shade_themselves(zenith_deg):
     Expectation: the same light as without shadows, for what stands between the sun and
     each altitude is what stands between it and the viewer. Tolerance: 1e-3.
     """
-    level = {"weights": (0.0, 0.0), "mask_gain": 0.0, "threshold": -0.5}
+    level: dict[str, Any] = {"weights": (0.0, 0.0), "mask_gain": 0.0, "threshold": -0.5}
     low = fractal_cloud(Shell(500.0, 4000.0), nodes=3, **level)
-    edges = {"base_m": 6e3, "top_m": 7e3}
+    edges: dict[str, Any] = {"base_m": 6e3, "top_m": 7e3}
     high = fractal_cloud(Shell(4500.0, 9000.0), nodes=3, **level, **edges)
     rays = _down(np.linspace(0, 1e4, 8), 40.0)
     options = {"extinction_per_m": 0.004, "behind": 50.0, "steps": 24}

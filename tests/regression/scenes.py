@@ -44,7 +44,7 @@ def fractal_image() -> dict[str, np.ndarray]:
     even = jnp.ones((*grid.shape, 1))
     scene = replace(scene, ground=ClearSky(20 * even, 100 * even, grid))
     rays = geostationary_rays(600, 8.0)
-    seen = render(scene, rays, sun(40.0), resolution=16).radiances
+    seen = render(scene, rays, sun(40.0)).radiances
     assert seen.reflective is not None
     assert seen.emissive is not None
     return {

@@ -192,7 +192,6 @@ GIVEN = ("--weather", "gfs.grib2", "--classes", "classes.toml")
         ((*MESO, *GIVEN, "--frames", "9"), "hours from 2019-10-27 22:00"),
         ((*MESO, *GIVEN, "--steps", "0"), "steps = 0"),
         ((*MESO, *GIVEN, "--seed", "-1"), "seed = -1"),
-        ((*MESO, *GIVEN, "--resolution", "16"), "too coarse for the textures of low"),
         ((*MESO, *GIVEN, "--minutes", "0"), "--minutes"),
         ((*MESO, *GIVEN, "--shadows", "6", "--light", "paper"), "use --light physical"),
         ((*MESO, *GIVEN, "--ignore-weather"), "leave out --ignore-weather"),

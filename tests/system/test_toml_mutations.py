@@ -23,7 +23,6 @@ SETTINGS = """
 bands = [1, 3, 13]
 rays = 4096
 steps = 12
-resolution = 128
 starts = 2
 max_steps = 90
 seed = 7

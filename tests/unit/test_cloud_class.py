@@ -1,5 +1,6 @@
 """Classes of cloud from data: the four of the paper, a fifth, and faulty ones."""
 
+import dataclasses
 import math
 import re
 from pathlib import Path
@@ -11,6 +12,7 @@ import tomli_w
 
 from cloudjax import (
     InvertedWorley,
+    Ladder,
     Perlin,
     Prior,
     class_layer,
@@ -19,9 +21,9 @@ from cloudjax import (
     fraction_to_mask,
     imagery_classes,
     load_classes,
-    make_texture,
 )
 from cloudjax.geometry.geodesy import ecef
+from tests.hard_reference import fractal_at
 
 
 FIFTH = """
@@ -49,19 +51,19 @@ vertical_wind_width_pa_s = 0
 temperature_width_k = 0.5
 
 [[fog.textures]]
-fractal = "perlin"
-cells = 4
-octaves = 3
-persistence = 0.4
-length_scale_m = 50e3
+noise = "perlin"
+longest_m = 12e3
+shortest_m = 3e3
 weight = 1
+persistence = 0.4
 displacement_hours = 0
 
 [[fog.textures]]
-fractal = "inverted_worley"
-cells = 8
-length_scale_m = 19e3
+noise = "inverted_worley"
+longest_m = 19e3
+shortest_m = 400
 weight = 0.5
+persistence = 0.8
 displacement_hours = 1.5
 """
 
@@ -87,8 +89,6 @@ def test_the_four_classes_have_a_cloud_within_their_shells():
         assert shell.bottom_m <= cloud_class.base_m < cloud_class.top_m <= shell.top_m
         for texture in cloud_class.textures:
             assert texture.displacement_hours <= 20
-            # Two of the default 128 voxels for each of the finest cells.
-            assert texture.fractal.finest_cells <= 64
 
 
 def test_the_mask_gain_undoes_the_spread_of_the_textures():
@@ -104,7 +104,6 @@ def test_a_class_covers_its_cloud_fraction(name):
 
     A column is covered by cloud at any altitude, and so sooner than one level is, and
     thresholds lift the scarce cover of Table 1, by up to 0.4 at a fraction of 0.3.
-    Two octaves of noise, all standardised, do for four.
     """
     cloud = cloud_classes()[name].cloud(seed=0)
     rng, columns = np.random.default_rng(0), 1500
@@ -112,24 +111,11 @@ def test_a_class_covers_its_cloud_fraction(name):
     longitude = rng.uniform(-180, 180, columns)
     altitude = np.linspace(cloud.shell.bottom_m, cloud.shell.top_m, 16)
     where = [ecef(latitude, longitude, np.full(columns, z)) for z in altitude]
-    position = np.stack(where, axis=-1).transpose(1, 0, 2)
-    values = tuple(
-        make_texture(
-            Perlin(fractal.cells, octaves=2)
-            if isinstance(fractal, Perlin)
-            else fractal,
-            seed=i,
-            resolution=32,
-        ).sample(jnp.asarray(position / scale % 1, float))
-        for i, (fractal, scale) in enumerate(
-            zip(cloud.fractals, cloud.length_scales_m, strict=True)
-        )
-    )
+    fractal = jnp.asarray(fractal_at(cloud, np.stack(where, axis=1)), float)
     z = jnp.broadcast_to(jnp.asarray(altitude, float), (columns, 16))
     covers = []
     for fraction in (0.01, 0.3, 0.6, 0.99):
         mask = jnp.full((columns, 16), fraction_to_mask(jnp.asarray(fraction)))
-        fractal = cloud.function.fractal(values)
         inside = cloud.function(fractal, mask, z) > 0
         covers.append(float(inside.any(axis=1).mean()))
     assert covers[0] < 0.15
@@ -157,9 +143,12 @@ def test_a_fifth_class_is_read_from_a_file(tmp_path):
     fog = load(tmp_path, FIFTH)["fog"]
     assert fog.conditions.shell_top_m == 300
     assert fog.particles == "water"
-    assert fog.textures[0].fractal == Perlin(4, octaves=3, persistence=0.4)
-    assert fog.textures[1].fractal == InvertedWorley(8)
-    assert fog.textures[1].displacement_hours == 1.5
+    first, second = fog.textures
+    assert first.ladder == Ladder(Perlin(), 12e3, 3e3)
+    assert first.persistence == 0.4
+    assert second.ladder == Ladder(InvertedWorley(), 19e3, 400.0)
+    assert second.displacement_hours == 1.5
+    assert second.gain_of_rungs == (1.0, 1.0, 1.0)
 
 
 def test_a_class_makes_its_cloud(tmp_path):
@@ -167,8 +156,13 @@ def test_a_class_makes_its_cloud(tmp_path):
     # Marched no further than the barriers leave it a chance, within its shell.
     assert 200 < cloud.shell.top_m < 300
     assert cloud.shell.bottom_m == load(tmp_path, FIFTH)["fog"].shell.bottom_m
-    assert cloud.length_scales_m == (50e3, 19e3)
+    assert [rung.wavelength_m for rung in cloud.rungs if rung.band == 0] == [
+        *(12e3, 6e3, 3e3),
+        *(19e3, 4750, 1187.5),
+    ]
     f = cloud.function
+    assert f.persistences.tolist() == pytest.approx([0.4, 0.8])
+    assert f.gains.tolist() == [1.0] * 6
     assert f.weights.tolist() == [1.0, 0.5]
     altitude = jnp.asarray([[20.0, 110.0, 200.0]])
     still = jnp.zeros((1, 3))
@@ -200,14 +194,17 @@ def test_a_class_makes_its_cloud(tmp_path):
             'class fog gives particles = .*: make it "water" or "ice"',
         ),
         ('"water"', "3", 'class fog gives particles = .*: make it "water" or "ice"'),
-        ('"perlin"', '"simplex"', "class fog, texture 1 must be a table with fractal"),
         (
-            "cells = 8",
-            "cells = 8.5",
-            "texture 2 gives cells = 8.5: make it a whole number",
+            '"perlin"',
+            '"simplex"',
+            'fog, texture 1: noise must be "gaussian" or "perlin"',
         ),
-        ("cells = 8", "octaves = 8", "texture 2 has an unknown key, 'octaves'"),
-        ("= 19e3", "= 0", "class fog, texture 2: length_scale_m of a texture"),
+        ("persistence = 0.8", "", "class fog, texture 2 has no persistence: add"),
+        ("persistence = 0.8", "cells = 8", "texture 2 has an unknown key, 'cells'"),
+        ("= 0.8", "= 0", "class fog, texture 2: persistence of a texture must"),
+        ("= 19e3", "= 100", "class fog, texture 2: shortest_m must be 1 or more and"),
+        ("= 0.8", "= 0.8\ngains = [1]", "gains of a texture are 1 for 3 rungs"),
+        ("= 0.8", "= 0.8\ngains = 1", "gives gains = 1: make it a list of finite"),
         ("= 1.5", "= -1", "class fog, texture 2: displacement_hours of a texture"),
         ("weight = 1\n", "weight = 2\n", "must begin with one of weight 1"),
         ("[[fog.textures]]", "[fog.texture]", "not valid TOML"),
@@ -244,10 +241,19 @@ def test_a_file_without_a_class_is_refused(tmp_path):
     ids=["table 1", "physical", "paper"],
 )
 def test_classes_come_back_from_a_file(tmp_path, classes):
+    classes = {name: _with_gains(one) for name, one in classes.items()}
     text = tomli_w.dumps({name: class_table(one) for name, one in classes.items()})
     back = load(tmp_path, text)
     assert list(back) == list(classes)
     assert back == classes
+
+
+def _with_gains(one):
+    first, *rest = one.textures
+    gains = tuple(1 + 0.1 * i for i in range(len(first.gain_of_rungs)))
+    return dataclasses.replace(
+        one, textures=(dataclasses.replace(first, gains=gains), *rest)
+    )
 
 
 def test_parameters_have_usual_bounds_unless_the_file_gives_them(tmp_path):

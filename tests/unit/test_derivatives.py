@@ -13,7 +13,7 @@ import pytest
 
 from cloudjax import StandardAtmosphere, radiances
 from cloudjax.geometry.geodesy import ecef
-from cloudjax.march.view import sample
+from cloudjax.march.view import make_textures, sample
 from tests.helpers import (
     GEOSTATIONARY_M,
     emissive_bands,
@@ -24,9 +24,7 @@ from tests.helpers import (
     layer,
     make_background,
     make_scene,
-    make_textures,
     over,
-    pixel,
     rays_to,
     reflective_bands,
     sun,
@@ -93,7 +91,7 @@ def _problem(rays: int, steps: int, nodes: int):
     background = make_background(scene, rays)
     scene = over(scene, background)
     sight, masks = geostationary_rays(rays), [lambda φ, λ: (φ - 20) / 2]
-    view = view_along(scene, sight, sun(50.0), masks, footprint=pixel(3e3))
+    view = view_along(scene, sight, sun(50.0), masks, width_m=3e3)
     data = (view, background)
 
     def seen(x, data):
@@ -228,14 +226,14 @@ CHANGES = {
 }
 
 
-def _check(view="ordinary", zenith=30.0, mask=0.0, footprint=0.0, **changes):
+def _check(view="ordinary", zenith=30.0, mask=0.0, width_m=0.0, **changes):
     vector = jnp.asarray(list((START | changes).values()))
     background = make_background(_scene(START_VECTOR), HARD_RAYS)
     scene = over(_scene(START_VECTOR), background)
-    ways = lay_along(scene, VIEWS[view](), sun(zenith), [lambda φ, λ: 0 * φ + mask])
-    seen, reverse, forward = _compiled()(
-        vector, ways, make_textures(scene, pixel(footprint)), background
+    ways = lay_along(
+        scene, VIEWS[view](), sun(zenith), [lambda φ, λ: 0 * φ + mask], width_m=width_m
     )
+    seen, reverse, forward = _compiled()(vector, ways, make_textures(scene), background)
     for leaf in jax.tree.leaves((seen, reverse, forward)):
         assert jnp.isfinite(leaf).all()
     assert seen.reflective.min() > -1e-3
@@ -251,10 +249,10 @@ def test_derivatives_are_finite_from_everywhere(view, zenith):
 @pytest.mark.parametrize("mask", MASKS.values(), ids=MASKS)
 def test_derivatives_are_finite_all_clear_and_all_cloudy(mask):
     _check(mask=mask)
-    _check("rays that graze", mask=mask, footprint=5e3)
+    _check("rays that graze", mask=mask, width_m=5e3)
 
 
 @pytest.mark.parametrize("changes", CHANGES.values(), ids=CHANGES)
-@pytest.mark.parametrize("footprint", [0.0, 5e3])
-def test_derivatives_are_finite_at_the_ends_of_the_parameters(changes, footprint):
-    _check("rays that graze", footprint=footprint, **changes)
+@pytest.mark.parametrize("width_m", [0.0, 5e3])
+def test_derivatives_are_finite_at_the_ends_of_the_parameters(changes, width_m):
+    _check("rays that graze", width_m=width_m, **changes)

@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from cloudjax import GriddedCloud, Occupancy, Rays, Sampling, Shell
-from cloudjax.geometry.footprint import POINT
+from cloudjax import GriddedCloud, Occupancy, Rays, Shell
 from cloudjax.geometry.geodesy import east_north_up, ecef
 from cloudjax.geometry.shells import chords
+from tests.helpers import sampling
 
 
 SHELL = Shell(1000.0, 1400.0)
@@ -35,7 +35,7 @@ def _rays(east_m, north_m) -> Rays:
 
 
 def _navigate(cloud: GriddedCloud, rays: Rays):
-    return cloud.navigate(rays, chords(rays, SHELL), Sampling(POINT))
+    return cloud.navigate(rays, chords(rays, SHELL), sampling())
 
 
 def _occupied(cloud: GriddedCloud, rays: Rays, steps=4, slopes=False) -> Occupancy:
@@ -79,16 +79,16 @@ def test_a_branch_reads_the_grid_in_its_own_direction():
     way = _navigate(cloud, rays)
     up = jnp.asarray(east_north_up(*CORNER)[2], float)[None]
     ends = jnp.asarray([[0.0, 100.0, 200.0]])
-    branch = cloud.branch(way, jnp.asarray([200.0]), up, ends)
+    branch = cloud.branch(way, (), jnp.asarray([200.0]), up, ends)
     samples = cloud.sample(branch, (), steps=2, slopes=False)
     found = cloud.occupancy(samples, 2).fraction
     np.testing.assert_allclose(found[0, 0], VALUES[1, 2, 2:], atol=1e-3)
 
 
 def test_samples_say_where_and_not_what():
-    """They are the same whatever the density; there is no texture to read."""
+    """They are the same whatever the density; there is no noise to read."""
     rays = _rays(np.array([300.0]), np.array([250.0]))
-    assert _cloud().make_textures(POINT, 8) == ()
+    assert _cloud().make_textures() == ()
     found = [
         cloud.sample(_navigate(cloud, rays), (), steps=4, slopes=True)
         for cloud in (_cloud(), _cloud(0 * VALUES))

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from cloudjax import AbstractMask, Rays, look, radiances
 from cloudjax.geometry.footprint import kind_of, kinds
 from cloudjax.image.render import prepare, render
-from cloudjax.march.view import lay, sample
+from cloudjax.march.view import lay, make_textures, sample
 from tests.helpers import (
     GEOSTATIONARY_M,
     PlacesGround,
@@ -22,7 +22,6 @@ from tests.helpers import (
     layer,
     limb_rays,
     make_scene,
-    make_textures,
     rays_to,
     reflective_bands,
     sun,
@@ -30,7 +29,6 @@ from tests.helpers import (
 )
 
 
-N = 16
 BARE = make_scene(
     [layer(fractal_cloud(nodes=3), steps=8)],
     reflective_bands(1),
@@ -50,7 +48,7 @@ def _wide(count: int = 700) -> Rays:
 
 
 def _render(sight, **options):
-    return render(SCENE, sight, SUN, resolution=N, **options)
+    return render(SCENE, sight, SUN, **options)
 
 
 def _leaves(image):
@@ -106,7 +104,7 @@ def test_a_function_without_a_number_is_refused():
 
 
 def test_a_prepared_view_gives_the_same_image_again_and_again(image):
-    prepared = prepare(SCENE, _wide(), SUN, resolution=N)
+    prepared = prepare(SCENE, _wide(), SUN)
     for _ in range(2):
         again = render(SCENE, prepared, with_products=True)
         for a, b in zip(_leaves(image), _leaves(again), strict=True):
@@ -121,7 +119,7 @@ def test_a_prepared_view_shows_other_parameters_of_the_clouds():
         where = lambda s: s.layers[0].cloud.function.threshold  # noqa: E731
         return eqx.tree_at(where, SCENE, jnp.asarray(value))
 
-    prepared = prepare(threshold(60.0), rays, SUN, resolution=N)
+    prepared = prepare(threshold(60.0), rays, SUN)
     clear = render(threshold(60.0), prepared, with_products=True)
     assert clear.clouds is not None
     np.testing.assert_array_equal(clear.clouds.optical_depth, 0)
@@ -131,19 +129,19 @@ def test_a_prepared_view_shows_other_parameters_of_the_clouds():
     ):
         np.testing.assert_array_equal(seen, ground)
     cloudy = render(threshold(-1.0), prepared)
-    other = render(threshold(-1.0), rays, SUN, resolution=N)
+    other = render(threshold(-1.0), rays, SUN)
     np.testing.assert_array_equal(cloudy.radiances.emissive, other.radiances.emissive)
 
 
 def test_a_prepared_view_may_be_marched_in_fewer_steps():
-    """As if sampled in as many, but for rays whose textures are read at each step."""
+    """As if sampled in as many, but for rays whose noise is read at each step."""
     fewer = eqx.tree_at(
         lambda s: s.layers, SCENE, tuple(_in_steps(la, 4) for la in SCENE.layers)
     )
     rays = _wide()
-    prepared = prepare(SCENE, rays, SUN, resolution=N)
+    prepared = prepare(SCENE, rays, SUN)
     found = render(fewer, prepared).radiances.reflective
-    expected = render(fewer, rays, SUN, resolution=N).radiances.reflective
+    expected = render(fewer, rays, SUN).radiances.reflective
     assert found is not None
     assert expected is not None
     assert np.abs(found - expected).mean() < 0.05 * np.std(expected)
@@ -162,7 +160,7 @@ def test_rays_left_out_would_have_shown_no_cloud(image, monkeypatch):
     # Of another name, so that it is compiled for itself.
     named = tuple(dataclasses.replace(la, name="marched") for la in SCENE.layers)
     scene = dataclasses.replace(SCENE, layers=named)
-    every = render(scene, _wide(), SUN, resolution=N, with_products=True)
+    every = render(scene, _wide(), SUN, with_products=True)
     assert every.clouds is not None
     assert (image.clouds.optical_depth == 0).sum() > (
         every.clouds.optical_depth == 0
@@ -184,14 +182,14 @@ def test_a_view_is_in_the_order_of_the_rays(monkeypatch):
     """
     monkeypatch.setattr("cloudjax.march.view._AT_ONCE", 64)
     rays = geostationary_rays(200, 40.0)
-    found = radiances(SCENE, look(SCENE, rays, SUN, resolution=N))
+    found = radiances(SCENE, look(SCENE, rays, SUN))
     rows = kinds(rays, SCENE.layers[0].cloud.shell)
-    _, first = np.unique(rows[:, :5], axis=0, return_index=True)
-    assert len(first) > 3
+    _, first = np.unique(rows, axis=0, return_index=True)
+    assert len(first) > 2
     for i in first[:6]:
         kind = kind_of(rows[i])
         ways = lay(SCENE, rays[[i]], SUN, kind.sampling, twice=kind.twice)
-        view = sample(SCENE, ways, make_textures(SCENE, kind.footprint, N))
+        view = sample(SCENE, ways, make_textures(SCENE))
         alone = radiances(SCENE, view)
         for a, b in zip(jax.tree.leaves(alone), jax.tree.leaves(found), strict=True):
             np.testing.assert_allclose(a[:, 0], b[:, i], rtol=1e-4)
@@ -211,12 +209,12 @@ class Beyond(AbstractMask):
 def test_a_ray_that_grazes_gets_cloud_from_the_far_side():
     """A mask that leaves cloud only behind the closest approach, at 90 E."""
     rays = limb_rays(*np.linspace(100.0, 400.0, 5))
-    assert np.all(kinds(rays, SCENE.layers[0].cloud.shell)[:, 6] == 1)
+    assert np.all(kinds(rays, SCENE.layers[0].cloud.shell)[:, 3] == 1)
 
     def depth(meridian_deg, side):
         mask = Beyond(jnp.asarray(meridian_deg), jnp.asarray(side))
         scene = under_weather(BARE, [mask])
-        seen = render(scene, rays, SUN, resolution=N, with_products=True)
+        seen = render(scene, rays, SUN, with_products=True)
         assert seen.clouds is not None
         return seen.clouds.optical_depth
 

@@ -20,7 +20,6 @@ from tests.helpers import (
     make_background,
     make_scene,
     over,
-    pixel,
     reflective_bands,
     sun,
     view_along,
@@ -81,7 +80,7 @@ def _data(zenith: float, mask: float):
     background = make_background(scene, RAYS)
     masks = [lambda φ, λ: (φ - 20) / 2 + mask]
     rays, scene = geostationary_rays(RAYS), over(scene, background)
-    view = view_along(scene, rays, sun(zenith), masks, footprint=pixel(3e3))
+    view = view_along(scene, rays, sun(zenith), masks, width_m=3e3)
     return view, background
 
 

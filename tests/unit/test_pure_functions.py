@@ -31,7 +31,7 @@ from tests.helpers import (
 )
 
 
-N, RAYS = 16, geostationary_rays(10)
+RAYS = geostationary_rays(10)
 SUN = sun(40.0)
 
 
@@ -45,7 +45,7 @@ def _scene(x: Any = (0.0, 0.0), **changes) -> Scene:
 
 
 def _look(scene: Scene):
-    return look(scene, RAYS, SUN, resolution=N)
+    return look(scene, RAYS, SUN)
 
 
 def _of_radiances(scene, view):
@@ -167,7 +167,7 @@ def test_radiances_and_products_come_from_one_march(marches):
 
 
 def test_an_image_with_products_is_marched_once(marches):
-    image = render(_named("image"), RAYS, SUN, resolution=N, with_products=True)
+    image = render(_named("image"), RAYS, SUN, with_products=True)
     assert image.clouds is not None
     assert marches == [1]
 
@@ -176,9 +176,9 @@ def test_an_image_with_products_is_marched_once(marches):
 
 
 IMPURE = {
-    "look": lambda scene: look(scene, RAYS, SUN, resolution=N),
-    "prepare": lambda scene: prepare(scene, RAYS, SUN, resolution=N),
-    "render": lambda scene: render(scene, RAYS, SUN, resolution=N),
+    "look": lambda scene: look(scene, RAYS, SUN),
+    "prepare": lambda scene: prepare(scene, RAYS, SUN),
+    "render": lambda scene: render(scene, RAYS, SUN),
 }
 
 

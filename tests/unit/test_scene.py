@@ -21,7 +21,7 @@ from cloudjax import (
     radiances,
 )
 from cloudjax.geometry.latlon_grid import LatLonGrid
-from cloudjax.march.view import sample
+from cloudjax.march.view import make_textures, sample
 from tests.helpers import (
     arrays,
     emissive_bands,
@@ -31,7 +31,6 @@ from tests.helpers import (
     layer,
     make_background,
     make_scene,
-    make_textures,
     over,
     reflective_bands,
     seen_along,
@@ -170,7 +169,7 @@ def test_what_is_not_asked_is_not_computed(asked):
     samples, occupancy, seen = eqx.filter_eval_shape(
         run, scene, ways, make_textures(scene)
     )
-    assert (samples.texture_gradients is not None) == asked
+    assert (samples.gradients is not None) == asked
     assert (samples.up is not None) == asked
     assert (occupancy.slopes is not None) == asked
     assert (seen.reflective is not None) == asked

@@ -12,7 +12,6 @@ import pytest
 from cloudjax import (
     FractalCloud,
     Rays,
-    Sampling,
     Scene,
     Shadows,
     Shell,
@@ -20,13 +19,14 @@ from cloudjax import (
     displacement_map,
     radiances,
 )
-from cloudjax.geometry.footprint import POINT
+from cloudjax.clouds.ladder import frames, kept
 from cloudjax.geometry.geodesy import geodetic
 from cloudjax.geometry.path import on_chord
 from cloudjax.geometry.shells import Chords, chords
 from cloudjax.march.shadows import Shades, dimming
-from cloudjax.march.view import sample
+from cloudjax.march.view import make_textures, sample
 from tests.helpers import (
+    SMOOTH,
     emissive_bands,
     fractal_cloud,
     geostationary_rays,
@@ -34,11 +34,11 @@ from tests.helpers import (
     layer,
     limb_rays,
     make_scene,
-    make_textures,
-    pixel,
     reflective_bands,
+    sampling,
     sun,
     view_along,
+    with_pixels,
 )
 
 
@@ -79,15 +79,15 @@ def test_a_branch_runs_towards_the_sun(knots, part):
     """Altitudes and textures are those of the points in space, to float32."""
     cloud, direction = fractal_cloud(), sun(60.0)
     chord = chords(RAYS, cloud.shell)
-    left = part * chord.length_m
+    left, textures = part * chord.length_m, cloud.make_textures()
     ends = np.array([200.0, 500.0, 1500.0, 4000.0])
     branch = cloud.branch(
-        cloud.navigate(RAYS, chord, Sampling(POINT, knots, knots)),
+        cloud.navigate(RAYS, chord, sampling(500.0, knots)),
+        textures,
         jnp.asarray(left, float),
         _for_each(direction),
         jnp.broadcast_to(jnp.asarray(ends, float), (len(RAYS), 4)),
     )
-    textures = cloud.make_textures(pixel(500.0), 32)
     found = cloud.sample(branch, textures, steps=3, slopes=False)
     middle = (ends[1:] + ends[:-1]) / 2
     start = RAYS.at(chord.entry_m + left)
@@ -96,12 +96,14 @@ def test_a_branch_runs_towards_the_sun(knots, part):
     np.testing.assert_allclose(distance[0], middle, rtol=1e-6)
     altitude = found.path.altitude_m(distance)
     np.testing.assert_allclose(altitude, geodetic(place)[2], atol=0.1)
-    for texture, period, values in zip(
-        textures, cloud.length_scales_m, found.texture_values, strict=True
-    ):
-        u = np.moveaxis(place / period % 1, -1, 0)
-        expected = texture.sample(jnp.asarray(u))
-        np.testing.assert_allclose(values.values, expected, atol=1e-4)
+    amplitude, *_ = kept(textures.wavenumbers, textures.powers, cloud.pixel(branch, 3))
+    parts = frames(cloud.ladders, cloud.seed)
+    for i, (frame, shift) in enumerate(zip(*parts, strict=True)):
+        u = place @ frame.T.astype(float) + shift
+        u = jnp.asarray(np.moveaxis(u % 1, -1, 0)[:, None], float)
+        (expected,) = textures.noise.sample(textures.band[i : i + 1], u)
+        alone = found.fractal(jnp.eye(len(cloud.rungs))[i], 3)
+        np.testing.assert_allclose(alone, amplitude[i][:, None] * expected, atol=1e-4)
 
 
 def test_a_branch_follows_the_wind():
@@ -119,20 +121,21 @@ def test_a_branch_follows_the_wind():
     chord = chords(RAYS, cloud.shell)
     left = 0.6 * chord.length_m
     ends = jnp.broadcast_to(jnp.linspace(0, 4000.0, 4)[None], (len(RAYS), 4))
-    way = cloud.navigate(RAYS, chord, Sampling(POINT))
-    branch = cloud.branch(way, jnp.asarray(left, float), _for_each(direction), ends)
+    lines, textures = with_pixels(RAYS, 0.0), cloud.make_textures()
+    way = cloud.navigate(lines, chord, sampling())
+    left_m = jnp.asarray(left, float)
+    branch = cloud.branch(way, textures, left_m, _for_each(direction), ends)
     start = RAYS.at(chord.entry_m + left)
-    onward = Rays(start, np.broadcast_to(direction, start.shape), RAYS.pixel_rad)
+    onward = Rays(start, np.broadcast_to(direction, start.shape), 0.0)
     whole = Chords(np.zeros(len(RAYS)), np.full(len(RAYS), 4000.0))
-    textures = cloud.make_textures(pixel(500.0), 32)
     found, expected = (
         cloud.sample(one, textures, steps=3, slopes=False)
-        for one in (branch, cloud.navigate(onward, whole, Sampling(POINT)))
+        for one in (branch, cloud.navigate(onward, whole, sampling()))
     )
-    for values, truth in zip(
-        found.texture_values, expected.texture_values, strict=True
-    ):
-        np.testing.assert_allclose(values.values, truth.values, atol=0.01)
+    for one in jnp.eye(len(cloud.rungs)):
+        np.testing.assert_allclose(
+            found.fractal(one, 3), expected.fractal(one, 3), atol=0.01
+        )
 
 
 def _shades(scene: Scene) -> Shades | None:
@@ -190,7 +193,7 @@ def test_derivatives_of_both_modes_and_differences_agree():
     points of a ray they are read.
     """
     with jax.enable_x64(True):
-        view = view_along(_scene(), RAYS, sun(60.0), footprint=pixel(2e3))
+        view = view_along(_scene(), RAYS, sun(60.0), width_m=2e3)
 
         @jax.jit
         def forward(x):
@@ -253,7 +256,8 @@ def test_more_points_of_a_ray_find_the_shadows_of_few():
     """Depths are linear between 5 points of a ray; 17 change less than shadows do."""
 
     def seen(shadows):
-        scene = _scene(shadows=shadows)
+        # Without creases, which are as sharp at any number of points.
+        scene = _scene(_layer(second=SMOOTH), shadows=shadows)
         return _bright(view_along(scene, RAYS, sun(60.0)), scene)
 
     none, few, many = (seen(s) for s in (None, Shadows(4), Shadows(4, points=17)))

@@ -16,19 +16,17 @@ from tests.helpers import (
 )
 
 
-RAYS, SUN, RESOLUTION = geostationary_rays(24), sun(60.0), 16
+RAYS, SUN = geostationary_rays(24), sun(60.0)
 WAYS = {
-    "of rays": lambda scene: render(scene, RAYS, SUN, resolution=RESOLUTION).radiances,
+    "of rays": lambda scene: render(scene, RAYS, SUN).radiances,
     "of a view": lambda scene: render(scene, _view(scene)).radiances,
-    "prepared": lambda scene: (
-        render(scene, prepare(scene, RAYS, SUN, resolution=RESOLUTION)).radiances
-    ),
+    "prepared": lambda scene: render(scene, prepare(scene, RAYS, SUN)).radiances,
     "pure": lambda scene: radiances(scene, _view(scene)),
 }
 
 
 def _view(scene):
-    return look(scene, RAYS, SUN, resolution=RESOLUTION)
+    return look(scene, RAYS, SUN)
 
 
 @pytest.fixture(scope="module")

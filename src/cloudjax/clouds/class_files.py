@@ -4,19 +4,19 @@ import importlib.resources
 import os
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 from cloudjax.toml_table import (
     ANY_NUMBER,
     FLAG,
     LIST,
     NUMBER,
+    NUMBERS,
     TABLE,
     TEXT,
     Kind,
     TomlError,
     checked,
-    least,
     parse_toml,
     read_toml,
 )
@@ -24,14 +24,16 @@ from cloudjax.weather.masks import Conditions
 
 from .class_parameters import Prior
 from .classes import ClassTexture, CloudClass, ImageryRule, Phase
-from .texture import Fractal, InvertedWorley, Perlin
+from .ladder import Ladder
+from .noise import Gaussian, InvertedWorley, Noise, Perlin
 
 
 # What a file may hold beside classes: a fit writes there what else it has found.
 NOT_CLASSES = ("light_strategy", "light", "air")
-_FRACTALS: dict[str, type[Fractal]] = {
-    "perlin": Perlin,
-    "inverted_worley": InvertedWorley,
+_NOISES: dict[str, Noise] = {
+    "gaussian": Gaussian(),
+    "perlin": Perlin(),
+    "inverted_worley": InvertedWorley(),
 }
 _PHASES = get_args(Phase)
 _NUMBERS = tuple(f.name for f in fields(CloudClass) if f.type is float)
@@ -46,7 +48,10 @@ _CLASS: dict[str, Kind] = {
 _OPTIONAL = {"infrared_ratio": NUMBER, "imagery": TABLE, "priors": TABLE}
 _CONDITIONS = dict.fromkeys(Conditions.__dataclass_fields__, ANY_NUMBER)
 _IMAGERY = dict.fromkeys((f.name for f in fields(ImageryRule)), NUMBER)
-_TEXTURE = dict.fromkeys(("length_scale_m", "weight", "displacement_hours"), NUMBER)
+_LADDER = ("longest_m", "shortest_m")
+_SHAPE = ("weight", "persistence", "displacement_hours")
+_TEXTURE = {"noise": TEXT, **dict.fromkeys((*_LADDER, *_SHAPE), NUMBER)}
+_OF_TEXTURE = {"name": TEXT, "gains": NUMBERS}
 _PRIOR = {"lower": NUMBER, "upper": NUMBER, "spread": NUMBER, "log": FLAG, "free": FLAG}
 
 
@@ -115,11 +120,15 @@ def class_table(one: CloudClass) -> dict[str, Any]:
 
 
 def _texture_table(texture: ClassTexture) -> dict[str, Any]:
-    (kind,) = (k for k, made in _FRACTALS.items() if isinstance(texture.fractal, made))
-    shape = {f.name: getattr(texture.fractal, f.name) for f in fields(texture.fractal)}
-    name = {"name": texture.name} if texture.name else {}
-    numbers = {key: getattr(texture, key) for key in _TEXTURE}
-    return {**name, "fractal": kind, **shape, **numbers}
+    ladder = texture.ladder
+    (noise,) = (name for name, noise in _NOISES.items() if noise == ladder.noise)
+    return {
+        **({"name": texture.name} if texture.name else {}),
+        "noise": noise,
+        **{key: getattr(ladder, key) for key in _LADDER},
+        **{key: getattr(texture, key) for key in _SHAPE},
+        **({"gains": list(texture.gains)} if texture.gains else {}),
+    }
 
 
 def _built_in(name: str) -> dict[str, CloudClass]:
@@ -159,17 +168,14 @@ def _prior(table: Any, where: str) -> Prior:
 
 
 def _texture(table: Any, where: str) -> ClassTexture:
-    if not isinstance(table, Mapping) or table.get("fractal") not in list(_FRACTALS):
-        kinds = " or ".join(f'"{kind}"' for kind in _FRACTALS)
-        raise TomlError(f"{where} must be a table with fractal = {kinds}.")
-    fractal = _FRACTALS[table["fractal"]]
-    shape = {f.name: least(1) if f.type is int else NUMBER for f in fields(fractal)}
-    given = checked(
-        table, {"fractal": TEXT, **shape, **_TEXTURE}, {"name": TEXT}, where
-    )
-    made = _made(fractal, {key: given[key] for key in shape}, where)
-    rest = {key: given[key] for key in (*_TEXTURE, "name") if key in given}
-    return _made(ClassTexture, {"fractal": cast(Fractal, made), **rest}, where)
+    given = checked(table, _TEXTURE, _OF_TEXTURE, where)
+    if given["noise"] not in _NOISES:
+        kinds = " or ".join(f'"{kind}"' for kind in _NOISES)
+        raise TomlError(f"{where}: noise must be {kinds}.")
+    span = {key: given.pop(key) for key in _LADDER}
+    ladder = _made(Ladder, {"noise": _NOISES[given.pop("noise")], **span}, where)
+    gains = tuple(given.pop("gains", ()))
+    return _made(ClassTexture, {"ladder": ladder, "gains": gains, **given}, where)
 
 
 def _made(kind: Any, values: Mapping[str, Any], where: str) -> Any:

@@ -27,11 +27,11 @@ from .class_parameters import (
     short_name,
 )
 from .fractal import CloudFunction, FractalCloud, Latent
-from .texture import Fractal
+from .ladder import Ladder
 
 
 Phase = Literal["water", "ice"]
-# Keeps the slope of the level set finite where a texture loses nothing to a footprint.
+# Keeps the slope of the level set finite where noise loses nothing to a footprint.
 _SMOOTHING = 0.02
 # Of clouds whose barriers a fit may move.
 _USUAL_THICKNESS_M = 1500.0
@@ -43,24 +43,37 @@ class ClassTexture:
 
     **Fields:**
 
-    - `fractal`: what it is.
-    - `length_scale_m`: its period LS_i.
-    - `weight`: m_i.
+    - `ladder`: noise, from which wavelengths to which.
+    - `weight`: standard deviation, all rungs together.
+    - `persistence`: amplitude of an octave over that of the next longer one.
     - `displacement_hours`: how long the wind has drawn it out.
     - `name`: for the parameter that is its weight; empty is its place, from 1.
+    - `gains`: a factor on the amplitude of each rung; empty is 1 for all.
     """
 
-    fractal: Fractal
-    length_scale_m: float
+    ladder: Ladder
     weight: float
+    persistence: float
     displacement_hours: float
     name: str = ""
+    gains: tuple[float, ...] = ()
 
     def __post_init__(self):
-        if not self.length_scale_m > 0:
-            raise ValueError("length_scale_m of a texture must be positive.")
+        if not self.persistence > 0:
+            raise ValueError("persistence of a texture must be positive.")
         if not self.displacement_hours >= 0:
             raise ValueError("displacement_hours of a texture must not be negative.")
+        rungs = len(self.ladder.octaves)
+        if self.gains and len(self.gains) != rungs:
+            raise ValueError(
+                f"gains of a texture are {len(self.gains)} for {rungs} rungs: give one "
+                "for each, or none."
+            )
+
+    @property
+    def gain_of_rungs(self) -> tuple[float, ...]:
+        """Of each rung, the longest first."""
+        return self.gains or (1.0,) * len(self.ladder.octaves)
 
 
 @dataclass(frozen=True)
@@ -243,6 +256,10 @@ class CloudClass:
         return FractalCloud(
             function=CloudFunction(
                 weights=jnp.asarray([t.weight for t in self.textures], float),
+                persistences=jnp.asarray([t.persistence for t in self.textures], float),
+                gains=jnp.asarray(
+                    [gain for t in self.textures for gain in t.gain_of_rungs], float
+                ),
                 mask_gain=jnp.asarray(self.mask_gain, float),
                 threshold=jnp.asarray(self.threshold, float),
                 barrier_strength=jnp.asarray(1.0),
@@ -253,8 +270,7 @@ class CloudClass:
             ),
             latent=Latent.gauss_hermite(),
             shell=self.shell if movable else self.marched,
-            fractals=tuple(t.fractal for t in self.textures),
-            length_scales_m=tuple(t.length_scale_m for t in self.textures),
+            ladders=tuple(t.ladder for t in self.textures),
             seed=seed,
             thickness_m=_USUAL_THICKNESS_M
             if movable

@@ -3,7 +3,7 @@
 Schinder et al. 2024, eq. (1), with standardised textures (their offsets b_i fold into
 the threshold T):
 
-    CF(x) = Σ m_i F_i(x'/LS_i) + g w(x) - a exp(-(z - z_b)/h) - a exp((z - z_t)/h) - T
+    CF(x) = Σ_o a_o N_o(x') + g w(x) - a exp(-(z - z_b)/h) - a exp((z - z_t)/h) - T
 
 Multiplying m, g, a and T by one number moves no cloud. That gauge is fixed by holding
 the first weight at 1; and since a and h move the barriers as z_b and z_t do, a is held
@@ -14,6 +14,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
+
+from .ladder import Ladder, amplitudes, rungs
 
 
 # Past this many e-folds a barrier is shut; unclipped, exp overflows float32 at 88 and
@@ -26,7 +28,9 @@ class CloudFunction(eqx.Module):
 
     **Fields:**
 
-    - `weights`: m_i, one per texture, in units of CF; the first is held at 1.
+    - `weights`: standard deviation of each ladder; the first is held at 1.
+    - `persistences`: of each ladder, amplitude of an octave over the next longer one.
+    - `gains`: a factor on the amplitude of each step of each ladder.
     - `mask_gain`: g, of the weather mask.
     - `threshold`: T.
     - `barrier_strength`: a, held at 1.
@@ -35,7 +39,9 @@ class CloudFunction(eqx.Module):
     - `smoothing`: s₀, width of the level set that remains without any footprint.
     """
 
-    weights: Float[Array, " textures"]
+    weights: Float[Array, " ladders"]
+    persistences: Float[Array, " ladders"]
+    gains: Float[Array, " steps"]
     mask_gain: Float[Array, ""]
     threshold: Float[Array, ""]
     barrier_strength: Float[Array, ""]
@@ -52,33 +58,14 @@ class CloudFunction(eqx.Module):
     ) -> Float[Array, "rays steps"]:
         """CF, in the cloud where positive.
 
-        **Arguments:** `fractal`: of the textures there.
+        **Arguments:** `fractal`: Σ a_o N_o there.
         """
         below, above = self._barriers(altitude_m)
         return fractal + self.mask_gain * mask - below - above - self.threshold
 
-    def fractal(
-        self, texture_values: tuple[Float[Array, "rays points"], ...]
-    ) -> Float[Array, "rays points"]:
-        """Σ m_i F_i."""
-        # An explicit sum: a product with a weight vector, reduced, is miscompiled by
-        # one release of jax (docs/decisions.md).
-        value = jnp.zeros_like(texture_values[0])
-        for i, texture in enumerate(texture_values):
-            value = value + self.weights[i] * texture
-        return value
-
-    def gradient(
-        self, texture_gradients: tuple[Float[Array, "3 rays points"], ...]
-    ) -> Float[Array, "3 rays points"]:
-        """∇CF per metre, but for `rise`.
-
-        The mask varies over tens of kilometres: left out.
-        """
-        value = jnp.zeros_like(texture_gradients[0])
-        for i, texture in enumerate(texture_gradients):
-            value = value + self.weights[i] * texture
-        return value
+    def amplitudes(self, ladders: tuple[Ladder, ...]) -> list[Float[Array, ""]]:
+        """Return the amplitude a_o of each rung."""
+        return amplitudes(ladders, self.weights, self.persistences, self.gains)
 
     def rise(
         self, altitude_m: Float[Array, "rays steps"]
@@ -87,11 +74,17 @@ class CloudFunction(eqx.Module):
         below, above = self._barriers(altitude_m)
         return (below - above) / self.barrier_scale_m
 
-    def likelihood(self, mask: Float[Array, " rays"]) -> Float[Array, " rays"]:
-        """Of cloud in the middle of the layer under a mask, for normal textures."""
+    def likelihood(
+        self, mask: Float[Array, " rays"], ladders: tuple[Ladder, ...]
+    ) -> Float[Array, " rays"]:
+        """Of cloud in the middle of the layer under a mask, for normal noise."""
         thickness = (self.top_m - self.base_m) / self.barrier_scale_m
         barriers = 2 * self.barrier_strength * jnp.exp(-jnp.maximum(thickness, 0) / 2)
-        variance = jnp.sum(self.weights**2) + self.smoothing**2
+        variance = self.smoothing**2
+        for amplitude, rung in zip(
+            self.amplitudes(ladders), rungs(ladders), strict=True
+        ):
+            variance = variance + amplitude**2 * rung.power
         # The floor keeps the slope of the root finite where nothing varies.
         spread = jnp.sqrt(jnp.maximum(variance, 1e-12))
         return ndtr((self.mask_gain * mask - barriers - self.threshold) / spread)

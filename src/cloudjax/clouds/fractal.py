@@ -1,6 +1,6 @@
 """Fractal clouds: the soft level set of the cloud function in its shell."""
 
-import math
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -8,16 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.footprint import Footprint, Sampling
+from cloudjax.geometry.arrays import namespace
+from cloudjax.geometry.footprint import Footprint, Sampling, stretch_of
 from cloudjax.geometry.geodesy import geodetic, vertical
+from cloudjax.geometry.on_host import compiled_for_many
 from cloudjax.geometry.path import (
-    Path,
     Profile,
     device_array,
-    middles,
     navigate,
     points_along,
-    to_points,
 )
 from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import Chords, Shell
@@ -27,26 +26,26 @@ from cloudjax.weather.masks import AbstractMask
 
 from .cloud_function import CloudFunction
 from .fractal_path import FractalPath
+from .fractal_samples import FractalSamples, held_alike
+from .ladder import Ladder, Rung, common_share, frames, kept, rungs
+from .noise import bands, noise_bands
+from .rung_reader import NoiseOfRungs, RungReader
 from .source import AbstractCloudSource, Occupancy, Slopes
-from .texture import Fractal, Texture, Unresolved, make_texture
 
 
 # Beyond this many widths the level set is decided: erf is 1 to float32.
 _MAX_WIDTHS = 8.0
 # A change of CF within one step that is as good as a jump.
 _MAX_CHANGE = 6.0
-# Steps to each point at which gradients of textures are sampled.
+# Steps to each point at which gradients of the noise are sampled.
 _STEPS_PER_SLOPE = 3
-# Sub-pixel structure is taken for common over this part of a cloud's thickness, along
-# the ray: measured against many hard rays per pixel (docs/decisions.md).
-_COMMON_WAY = 0.35
 
 
 class Latent(eqx.Module):
     """What a pixel does not resolve: one standard Gaussian per ray, by quadrature.
 
-    Averaging the textures over the footprint removes variance from CF. The part that
-    all points of a ray within the cloud have in common enters as a Gaussian latent,
+    Averaging the noise over the footprint removes variance from CF. The part that all
+    points of a ray within the cloud have in common enters as a Gaussian latent,
     radiances being averaged over its Gauss-Hermite nodes; the rest widens the level
     set.
 
@@ -64,45 +63,6 @@ class Latent(eqx.Module):
         )
 
 
-class FractalSamples(eqx.Module):
-    """All that eq. (1) needs along the rays and that no fitted parameter moves.
-
-    CF is linear in these, so a fit samples once and works on them. What changes within
-    many steps only is held at few points.
-
-    **Fields:**
-
-    - `path`: the geometry.
-    - `mask`: weather mask w.
-    - `texture_values`, `unresolved`: of each texture.
-    - `up`, `texture_gradients`: the vertical, and gradients per metre, at points in the
-      middle of equal parts of the chord; None where no slopes are asked.
-    - `steps`: of the march that they were made for.
-    """
-
-    path: Path
-    mask: Profile
-    texture_values: tuple[Profile, ...]
-    unresolved: tuple[Unresolved, ...]
-    up: Float[Array, "rays 3 points"] | None
-    texture_gradients: tuple[Float[Array, "rays 3 points"], ...] | None
-    steps: int = eqx.field(static=True)
-
-    def on(self, path: Path, at: Float[Array, "rays points"]) -> "FractalSamples":
-        """Read them at parts of the chord, 0 to 1, as if at another path's steps."""
-        # From the steps, for there they are the same however they are held.
-        marched = [Profile(v.in_steps(self.steps)) for v in self.texture_values]
-        return FractalSamples(
-            path=path,
-            mask=Profile(self.mask.at(at)),
-            texture_values=tuple(Profile(v.at(at)) for v in marched),
-            unresolved=self.unresolved,
-            up=None,
-            texture_gradients=None,
-            steps=at.shape[-1],
-        )
-
-
 class FractalCloud(AbstractCloudSource):
     """A class of fractal clouds in its shell.
 
@@ -111,12 +71,12 @@ class FractalCloud(AbstractCloudSource):
     - `function`: the parameters of eq. (1).
     - `latent`: the quadrature over sub-pixel structure.
     - `shell`: the air that is marched.
-    - `fractals`, `length_scales_m`: the textures and their periods LS_i.
-    - `seed`: of the first texture; the others follow.
+    - `ladders`: of noise, from long waves to short ones.
+    - `seed`: by which the rungs are turned and shifted.
     - `thickness_m`: a usual one of the cloud. Sub-pixel structure is common to rays
       over a part of it.
     - `mask`: where the weather lets the clouds stand; None is w = 0 everywhere.
-    - `displacements`: of each texture, the map by which the wind has drawn it; None for
+    - `displacements`: of each ladder, the map by which the wind has drawn it; None for
       still air.
 
     The mask and the maps are read once, when a view is made; the other arrays are
@@ -126,152 +86,190 @@ class FractalCloud(AbstractCloudSource):
     function: CloudFunction
     latent: Latent
     shell: Shell = eqx.field(static=True)
-    fractals: tuple[Fractal, ...] = eqx.field(static=True)
-    length_scales_m: tuple[float, ...] = eqx.field(static=True)
+    ladders: tuple[Ladder, ...] = eqx.field(static=True)
     seed: int = eqx.field(static=True, default=0)
     thickness_m: float = eqx.field(static=True, default=1500.0)
     mask: AbstractMask | None = None
     displacements: tuple[DisplacementMap | None, ...] | None = None
 
     def __check_init__(self):
-        counts = {
-            len(self.fractals),
-            len(self.length_scales_m),
-            self.function.weights.shape[0],
-        }
-        if self.displacements is not None:
-            counts.add(len(self.displacements))
+        f, maps = self.function, self.displacements
+        counts = {len(self.ladders), f.weights.shape[0], f.persistences.shape[0]}
+        if maps is not None:
+            counts.add(len(maps))
         if len(counts) != 1:
             raise ValueError(
-                f"{len(self.fractals)} fractals, {len(self.length_scales_m)} length "
-                f"scales and {self.function.weights.shape[0]} weights: give one of "
-                "each per texture, and a displacement map where there are any."
+                f"{len(self.ladders)} ladders, {f.weights.shape[0]} weights and "
+                f"{f.persistences.shape[0]} persistences: give one of each per "
+                "ladder, and a displacement map where there are any."
+            )
+        steps = sum(len(ladder.octaves) for ladder in self.ladders)
+        if f.gains.shape[0] != steps:
+            raise ValueError(
+                f"{f.gains.shape[0]} gains for ladders of {steps} steps: give one each."
             )
 
-    def make_textures(
-        self, footprint: Footprint, resolution: int = 128
-    ) -> tuple[Texture, ...]:
-        """Make the cloud's textures, averaged over one kind of pixel."""
-        return tuple(
-            make_texture(
-                fractal,
-                self.seed + i,
-                resolution,
-                length_scale_m=scale,
-                footprint=footprint,
-                way_m=_COMMON_WAY * self.thickness_m / footprint.slant,
-            )
-            for i, (fractal, scale) in enumerate(
-                zip(self.fractals, self.length_scales_m, strict=True)
-            )
+    @property
+    def rungs(self) -> tuple[Rung, ...]:
+        """Of all ladders, ladder by ladder."""
+        return rungs(self.ladders)
+
+    @property
+    def frames(
+        self,
+    ) -> tuple[Float[np.ndarray, "rungs 3 3"], Float[np.ndarray, "rungs 3"]]:
+        """How positions [m] become positions in the noise [periods], and shifts."""
+        return frames(self.ladders, self.seed)
+
+    def make_textures(self) -> NoiseOfRungs:
+        """Make what the rungs are read from; the noise is made once and kept."""
+        every = self.rungs
+        noises = tuple(dict.fromkeys(rung.noise for rung in every))
+        first = dict(
+            zip(noises, np.cumsum([0, *(len(bands(n)) for n in noises)]), strict=False)
         )
+        spectra = [rung.spectrum for rung in every]
+        return NoiseOfRungs(
+            noise=noise_bands(noises),
+            band=jnp.asarray([first[rung.noise] + rung.band for rung in every], int),
+            frames=jnp.asarray(self.frames[0]),
+            wavenumbers=jnp.asarray(np.stack([k for k, _ in spectra]), float),
+            powers=jnp.asarray(np.stack([power for _, power in spectra]), float),
+            wave_m=jnp.asarray([rung.mean_wave_m for rung in every], float),
+        )
+
+    def points(self, sampling: Sampling) -> tuple[int, ...]:
+        """Say at how many points of a chord each rung is read, 0 where it is not."""
+        depth = self.shell.top_m - self.shell.bottom_m
+        return tuple(rung.points(sampling, depth) for rung in self.rungs)
 
     def navigate(self, rays: Rays, chord: Chords, sampling: Sampling) -> FractalPath:
         """Lay rays along chords of the shell, on the host in float64."""
-        points = points_along(rays, chord, sampling.knots)
-        periods = np.asarray(self.length_scales_m)[:, None]
-        entry = points[0][:, None] / periods
-        change = np.stack([point - points[0] for point in points[1:]], axis=-1)
-        masks = np.stack([_mask_at(self.mask, p) for p in points], axis=-1)
-        mask = Profile(device_array(masks), ends=True)
-        short = sampling.knots == 2
+        points = self.points(sampling)
+        read = [i for i, count in enumerate(points) if count]
+        per_m, shifts = (part[read].astype(float) for part in self.frames)
+        entry, change = _in_noise(rays, chord, per_m, shifts, sampling.knots)
+        places = ()
+        if self.mask is not None:
+            places = _places(rays, chord, sampling.knots)
+        masks = [np.asarray(self.mask(*place)) for place in places if self.mask]
+        none = [np.zeros(len(rays))] * sampling.knots
+        mask = Profile(device_array(np.stack(masks or none, axis=-1)), ends=True)
+        held = None
+        if sampling.held_finest_m is not None:
+            finest = replace(sampling, finest_m=sampling.held_finest_m)
+            held = tuple(i for i, count in enumerate(self.points(finest)) if count)
+        width = rays.pixel_rad * np.maximum(chord.entry_m + chord.length_m / 2, 1.0)
+        path = navigate(rays, chord)
         way = FractalPath(
-            path=navigate(rays, chord),
+            path=path,
             mask=mask.with_knots(sampling.held_knots),
-            texture_entry=device_array(entry % 1.0),
-            texture_change=device_array(change[:, None] / periods[..., None]),
+            width_m=device_array(width),
+            stretch=stretch_of(path.middle_slant),
+            entry=device_array(entry),
+            change_m=device_array(change[:, None]),
             strain=None,
-            reads=_reads(self.shell, sampling.footprint) if short else None,
-            at_steps=sampling.at_steps,
+            points=points,
+            held=held,
         )
         maps = self.displacements
         if maps is None or all(m is None for m in maps):
             return way
-        upward, altitude = vertical(np.stack(points, axis=-2))
+        upward, altitude = _verticals(rays, chord, sampling.knots)
         return _drifted(
             way,
             device_array(upward),
             device_array(altitude),
             *_distinct(maps),
-            device_array(periods[:, 0]),
+            device_array(per_m),
+            tuple(self.rungs[i].ladder for i in read),
         )
 
     def likelihood(
         self, samples: FractalPath | FractalSamples
     ) -> Float[Array, " rays"]:
         """Estimate how likely a ray is to meet cloud, by the most of its mask."""
-        most = self.function.likelihood(samples.mask.values.max(-1))
+        most = self.function.likelihood(samples.mask.values.max(-1), self.ladders)
         return jnp.where(samples.path.length_m > 0, most, 0.0)
 
     def sample(
-        self,
-        way: FractalPath,
-        textures: tuple[Texture, ...],
-        *,
-        steps: int,
-        slopes: bool,
+        self, way: FractalPath, textures: NoiseOfRungs, *, steps: int, slopes: bool
     ) -> FractalSamples:
-        """Read the textures along the ways, as often as they can change."""
-        reads = way.reads if way.reads is not None and way.reads <= steps else None
-        at = middles(steps) if reads is None else np.linspace(0, 1, reads)
-        points = _slope_points(steps, reads)
-        values, gradients, unresolved = [], [], []
-        for i, texture in enumerate(textures):
-            read = Profile(texture.sample(way.position(i, at)), ends=reads is not None)
-            values.append(Profile(read.in_steps(steps)) if way.at_steps else read)
-            lost = texture.unresolved
-            if slopes:
-                gradient, stretch = self._gradient(way, texture, i, points)
-                gradients.append(_held(gradient, steps, way.at_steps))
-                lost = eqx.tree_at(lambda u: u.slope, lost, lost.slope * stretch)
-            unresolved.append(_for_each_ray(lost, way))
-        up = way.path.up(way.path.distance_m(points)) if slopes else None
-        return FractalSamples(
+        """Read the rungs along the ways, as often as they can change."""
+        pixel = self.pixel(way, steps)
+        amplitude, lost, slope = kept(textures.wavenumbers, textures.powers, pixel)
+        reader = RungReader(way, textures, amplitude, self._ladder_of)
+        counts = [min(count, steps) for count in way.points]
+        together = {n: _where(counts, n) for n in sorted({*counts} - {0})}
+        most = max(together, default=1)
+        few = min(most, max(3, -(-steps // _STEPS_PER_SLOPE)))
+        values, gradients = [], []
+        for count, some in together.items():
+            if slopes and count <= few:
+                value, gradient = reader.with_gradient(some, count)
+                gradients.append(gradient)
+            else:
+                value = reader.values(some, count)
+            values.append(value)
+        many = [i for i, count in enumerate(counts) if count > few]
+        if slopes and many:
+            gradients.append(reader.with_gradient(tuple(many), few)[1])
+        unread = np.array(counts)[:, None] == 0
+        lost = jnp.where(unread, textures.powers.sum(-1)[:, None], lost)
+        steep = (textures.powers * textures.wavenumbers**2).sum(-1)[:, None] / 3
+        slope = jnp.where(unread, steep, slope) * way.stretched(self._ladder_of)
+        common = common_share(textures.wave_m, self.thickness_m, way.stretch)
+        up = None
+        if slopes:
+            up = jnp.moveaxis(way.path.up(way.path.distance_m(few)), 1, 0)
+        found = FractalSamples(
             path=way.path,
             mask=way.mask,
-            texture_values=tuple(values),
-            unresolved=tuple(unresolved),
-            up=None if up is None else _held(up, steps, way.at_steps),
-            texture_gradients=tuple(gradients) if slopes else None,
+            values=tuple(values),
+            gradients=tuple(gradients) if slopes else None,
+            common=(lost * common).T,
+            own=(lost * (1 - common)).T,
+            slope=slope.T,
+            up=up,
+            at=None,
             steps=steps,
         )
+        return found if way.held is None else held_alike(found, way.held)
 
-    def _gradient(self, way: FractalPath, texture: Texture, i: int, points: int):
-        """Per metre, [3 rays points], and by how much wind has stretched its square."""
-        _, gradient = texture.sample_with_gradient(way.position(i, middles(points)))
-        gradient = gradient / self.length_scales_m[i]
-        if way.strain is None:
-            return gradient, 1.0
-        strained = jnp.einsum("rka,krs->ars", way.strain[:, i], gradient)
-        return strained, jnp.sum(way.strain[:, i] ** 2, axis=(1, 2)) / 3
+    def pixel(self, way: FractalPath, steps: int) -> Footprint:
+        """Find what the rays average over. A step that is longer averages as well."""
+        return Footprint.level(way.width_m, way.stretch, way.path.length_m / steps)
+
+    @property
+    def _ladder_of(self) -> tuple[int, ...]:
+        return tuple(rung.ladder for rung in self.rungs)
 
     def branch(
         self,
         way: FractalPath,
+        textures: NoiseOfRungs,
         distance_m: Float[Array, " rays"],
         direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
     ) -> FractalPath:
         """Leave the ways in another direction, with the mask where they are left."""
-        periods = jnp.asarray(self.length_scales_m, float)
-        return way.branch(distance_m, direction, ends_m, periods)
+        read = [i for i, count in enumerate(way.points) if count]
+        ladders = tuple(self._ladder_of[i] for i in read)
+        frames = textures.frames[np.array(read, int)]
+        return way.branch(distance_m, direction, ends_m, frames, ladders)
 
     def occupancy(self, samples: FractalSamples, steps: int) -> Occupancy:
         """Find the soft level set: the share of cloud in each step, for each node."""
         f = self.function
+        amplitudes = f.amplitudes(self.ladders)
         altitude = samples.path.altitude_m(samples.path.distance_m(steps))
-        read = samples.texture_values
-        # Summed up where they were read, which is less work than at the steps.
-        fractal = Profile(f.fractal(tuple(v.values for v in read)), read[0].ends)
-        mask = samples.mask.in_steps(steps)
-        value = f(fractal.in_steps(steps), mask, altitude)
-        lost = [
-            jax.tree.map(lambda v, m=f.weights[i]: m**2 * v, unresolved)
-            for i, unresolved in enumerate(samples.unresolved)
-        ]
-        none = jnp.zeros(value.shape[0])
-        common = sum((u.common for u in lost), none)
-        own = sum((u.own for u in lost), none)
+        fractal = samples.fractal(amplitudes, steps)
+        value = f(fractal, samples.mask.in_steps(steps), altitude)
+        common = own = rough = none = jnp.zeros(value.shape[0])
+        for i, amplitude in enumerate(amplitudes):
+            common = common + amplitude**2 * samples.common[:, i]
+            own = own + amplitude**2 * samples.own[:, i]
+            rough = rough + amplitude**2 * samples.slope[:, i]
         if self.latent.nodes.shape[0] == 1:
             common, own = none, own + common
         # The floors keep the slopes of the roots finite where nothing is lost.
@@ -283,15 +281,18 @@ class FractalCloud(AbstractCloudSource):
         # jax.scipy's ndtr keeps the far tails to all digits, at three times the price.
         fraction = 0.5 + 0.5 * jax.lax.erf(np.sqrt(0.5) * widths)
         slopes = None
-        if samples.texture_gradients is not None and samples.up is not None:
-            first = [jnp.moveaxis(g, 1, 0) for g in samples.texture_gradients]
+        if samples.up is not None:
             slopes = Slopes(
-                f.gradient(tuple(first)),
+                samples.gradient(amplitudes),
                 f.rise(altitude),
                 jnp.moveaxis(samples.up, 1, 0),
-                sum((u.slope for u in lost), none),
+                rough,
             )
         return Occupancy(fraction, self.latent.weights, slopes)
+
+
+def _where(counts: list[int], count: int) -> tuple[int, ...]:
+    return tuple(i for i, other in enumerate(counts) if other == count)
 
 
 def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays steps"]:
@@ -309,41 +310,26 @@ def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays st
     return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
 
 
-def _held(
-    at_points: Float[Array, "3 rays points"], steps: int, at_steps: bool
-) -> Float[Array, "rays 3 held"]:
-    """Rays first; at every step where that is asked, linear between points."""
-    held = jnp.moveaxis(at_points, 0, 1)
-    points = held.shape[-1]
-    if not at_steps or points == steps:
-        return held
-    share = jnp.asarray(to_points(steps, points).T, held.dtype)
-    return jnp.matmul(held, share, precision="highest")
+@compiled_for_many("knots")
+def _in_noise(rays: Rays, chord: Chords, per_m, shifts, knots: int):
+    """Positions of the entry in the noise [periods], and from it to further knots."""
+    xp = namespace(rays.direction)
+    first, *further = points_along(rays, chord, knots)
+    entry = xp.einsum("oab,rb->roa", per_m, first) + shifts[None]
+    change = xp.stack([point - first for point in further], axis=-1)
+    return entry - xp.floor(entry), change
 
 
-def _for_each_ray(lost: Unresolved, way: FractalPath) -> Unresolved:
-    rays = way.path.length_m.shape
-    return jax.tree.map(lambda v: jnp.broadcast_to(v, rays), lost)
+@compiled_for_many("knots")
+def _places(rays: Rays, chord: Chords, knots: int):
+    """Latitude and longitude [degrees] of the knots."""
+    return [geodetic(point)[:2] for point in points_along(rays, chord, knots)]
 
 
-def _slope_points(steps: int, reads: int | None) -> int:
-    points = min(steps, max(3, -(-steps // _STEPS_PER_SLOPE)))
-    return points if reads is None else min(points, max(1, reads // 2))
-
-
-def _reads(shell: Shell, footprint: Footprint) -> int | None:
-    """How often a texture is worth reading on a short way through a shell."""
-    if footprint.spacing_m == 0:
-        return None
-    depth = shell.top_m - shell.bottom_m
-    return 1 + math.ceil(depth / footprint.spacing_m)
-
-
-def _mask_at(mask, position_m) -> Float[np.ndarray, " rays"]:
-    if mask is None:
-        return np.zeros(len(position_m))
-    latitude_deg, longitude_deg, _ = geodetic(position_m)
-    return np.asarray(mask(latitude_deg, longitude_deg))
+@compiled_for_many("knots")
+def _verticals(rays: Rays, chord: Chords, knots: int):
+    points = points_along(rays, chord, knots)
+    return vertical(namespace(rays.direction).stack(points, axis=-2))
 
 
 def _distinct(maps) -> tuple[tuple, tuple[int, ...]]:
@@ -360,23 +346,25 @@ def _drifted(
     altitude_m: Float[Array, "rays knots"],
     maps: tuple,
     map_of: tuple[int, ...],
-    periods_m: Float[Array, " textures"],
+    frames: Float[Array, "read 3 3"],
+    ladder_of: tuple[int, ...],
 ) -> FractalPath:
-    """A way whose air came from elsewhere, by the displacement map of each texture."""
+    """A way whose air came from elsewhere, by the displacement map of each ladder."""
     drifts = [
         0 * vertical if m is None else drift_m(vertical, altitude_m, m) for m in maps
     ]
     calm = jnp.broadcast_to(jnp.eye(3), (len(vertical), 3, 3))
     strains = [calm if m is None else strain(vertical[:, 0], m) for m in maps]
-    scale = periods_m[None, :, None, None]
-    drift = jnp.stack([drifts[i] for i in map_of], axis=1) / scale
+    drift = jnp.stack([drifts[i] for i in map_of], axis=1)
     start, further = drift[:, :, 0], drift[:, :, 1:] - drift[:, :, :1]
-    return FractalPath(
-        path=way.path,
-        mask=way.mask,
-        texture_entry=(way.texture_entry + start) % 1.0,
-        texture_change=way.texture_change + jnp.moveaxis(further, 2, 3),
+    moved = [
+        jnp.matmul(start[:, ladder], frame.T, precision="highest")
+        for frame, ladder in zip(frames, ladder_of, strict=True)
+    ]
+    entry = way.entry + jnp.stack(moved, axis=1) if moved else way.entry
+    return replace(
+        way,
+        entry=entry - jnp.floor(entry),
+        change_m=way.change_m + jnp.moveaxis(further, 2, 3),
         strain=jnp.stack([strains[i] for i in map_of], axis=1),
-        reads=way.reads,
-        at_steps=way.at_steps,
     )

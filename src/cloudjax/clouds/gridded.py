@@ -110,11 +110,13 @@ class GriddedCloud(AbstractCloudSource):
     def branch(
         self,
         way: GriddedPath,
+        textures: tuple[()],
         distance_m: Float[Array, " rays"],
         direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
     ) -> GriddedPath:
         """Leave the ways in another direction."""
+        del textures
         per_m = jnp.asarray(self._axes / self._spacings_m[:, None], float)[:2]
         return GriddedPath(
             path=way.path.branch(distance_m, direction, ends_m),

@@ -20,7 +20,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.footprint import Footprint, Sampling
+from cloudjax.geometry.footprint import Sampling
 from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import Chords, Shell
 
@@ -70,12 +70,16 @@ class AbstractCloudSource(eqx.Module):
 
     shell: eqx.AbstractVar[Shell]
 
-    def make_textures(self, footprint: Footprint, resolution: int) -> Any:
-        """Make the data that `sample` reads, averaged over one kind of pixel.
+    def make_textures(self) -> Any:
+        """Make the data that `sample` reads; a source that reads none has none."""
+        return ()
 
-        A source that reads none has nothing to make.
+    def points(self, sampling: Sampling) -> tuple[int, ...]:
+        """Say how densely the source is read along the rays of a group.
+
+        Groups of which all sources say the same are read together.
         """
-        del footprint, resolution
+        del sampling
         return ()
 
     @abc.abstractmethod
@@ -106,6 +110,7 @@ class AbstractCloudSource(eqx.Module):
     def branch(
         self,
         way: Any,
+        textures: Any,
         distance_m: Float[Array, " rays"],
         direction: Float[Array, "rays 3"],
         ends_m: Float[Array, "rays ends"],
@@ -114,6 +119,7 @@ class AbstractCloudSource(eqx.Module):
 
         **Arguments:**
 
+        - `textures`: as for `sample`.
         - `distance_m`: from the entry of each way to where it is left; also before the
           entry or behind the exit.
         - `direction`: unit vectors, ECEF.

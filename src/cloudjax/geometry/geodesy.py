@@ -1,7 +1,8 @@
 """The Earth is an ellipsoid here, in float64 on the host.
 
-Planetary coordinates lose metres in float32, so everything here is numpy, is done
-once per image, and hands small local numbers to the device (see `path.py`).
+Planetary coordinates lose metres in float32, so everything here is done in float64,
+once per image, and hands small local numbers to the device (see `path.py`): by numpy,
+or compiled for many rays (see `on_host.py`).
 Vectors are Earth-centred and Earth-fixed (ECEF): x to latitude 0 longitude 0, z to
 the north pole, in metres.
 """
@@ -10,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+
+from .arrays import HostArray, namespace
 
 
 @dataclass(frozen=True)
@@ -43,11 +46,11 @@ MEAN_RADIUS_M = 6_371_000.0
 
 
 def dot(
-    one: Float[np.ndarray, "*#n 3"], other: Float[np.ndarray, "*#n 3"]
-) -> Float[np.ndarray, "*n"]:
+    one: Float[HostArray, "*#n 3"], other: Float[HostArray, "*#n 3"]
+) -> Float[HostArray, "*n"]:
     """Return the scalar product of vectors of three components."""
     # A sum over so short an axis takes three times as long.
-    return np.einsum("...i,...i->...", one, other)
+    return namespace(one).einsum("...i,...i->...", one, other)
 
 
 def up(
@@ -89,31 +92,32 @@ def ecef(
 
 
 def geodetic(
-    position_m: Float[np.ndarray, "*n 3"], ellipsoid: Ellipsoid = GRS80
-) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    position_m: Float[HostArray, "*n 3"], ellipsoid: Ellipsoid = GRS80
+) -> tuple[Float[HostArray, "*n"], Float[HostArray, "*n"], Float[HostArray, "*n"]]:
     """Return geodetic latitude and longitude [degrees] and altitude [m] of positions.
 
     It takes Bowring's iteration (Survey Review 23, 1976), whose three rounds leave less
     than a micrometre from the ground up to geostationary distance.
     """
-    x, y, _ = np.moveaxis(position_m, -1, 0)
+    xp = namespace(position_m)
     sin_φ, cos_φ, altitude = _latitude(position_m, ellipsoid)
     return (
-        np.degrees(np.arctan2(sin_φ, cos_φ)),
-        np.degrees(np.arctan2(y, x)),
+        xp.degrees(xp.arctan2(sin_φ, cos_φ)),
+        xp.degrees(xp.arctan2(position_m[..., 1], position_m[..., 0])),
         altitude,
     )
 
 
 def vertical(
-    position_m: Float[np.ndarray, "*n 3"], ellipsoid: Ellipsoid = GRS80
-) -> tuple[Float[np.ndarray, "*n 3"], Float[np.ndarray, "*n"]]:
+    position_m: Float[HostArray, "*n 3"], ellipsoid: Ellipsoid = GRS80
+) -> tuple[Float[HostArray, "*n 3"], Float[HostArray, "*n"]]:
     """Return the upward unit vector and the altitude [m], without any angle."""
-    x, y, _ = np.moveaxis(position_m, -1, 0)
+    xp = namespace(position_m)
+    x, y, _ = xp.moveaxis(position_m, -1, 0)
     sin_φ, cos_φ, altitude = _latitude(position_m, ellipsoid)
     # On the axis, where there is no meridian, cos φ is 0.
-    outward = cos_φ / np.maximum(np.sqrt(x**2 + y**2), 1e-9)
-    return np.stack([outward * x, outward * y, sin_φ], axis=-1), altitude
+    outward = cos_φ / xp.maximum(xp.sqrt(x**2 + y**2), 1e-9)
+    return xp.stack([outward * x, outward * y, sin_φ], axis=-1), altitude
 
 
 def _latitude(position_m, ellipsoid: Ellipsoid):
@@ -124,8 +128,9 @@ def _latitude(position_m, ellipsoid: Ellipsoid):
     """
     a, b = ellipsoid.semi_major_m, ellipsoid.semi_minor_m
     e2 = ellipsoid.eccentricity_squared
-    x, y, z = np.moveaxis(position_m, -1, 0)
-    ρ = np.sqrt(x**2 + y**2)
+    xp = namespace(position_m)
+    x, y, z = xp.moveaxis(position_m, -1, 0)
+    ρ = xp.sqrt(x**2 + y**2)
     rise, run = a**2 * z, b**2 * ρ
     for _ in range(3):
         sin_β, cos_β = _normalised(b * rise, a * run)
@@ -139,41 +144,42 @@ def _latitude(position_m, ellipsoid: Ellipsoid):
 
 
 def _normalised(opposite, adjacent):
-    length = np.sqrt(opposite * opposite + adjacent * adjacent)
+    length = namespace(opposite).sqrt(opposite * opposite + adjacent * adjacent)
     return opposite / length, adjacent / length
 
 
 def curvature_radius(
-    normal: Float[np.ndarray, "*n 3"],
-    direction: Float[np.ndarray, "*n 3"],
+    normal: Float[HostArray, "*n 3"],
+    direction: Float[HostArray, "*n 3"],
     ellipsoid: Ellipsoid = GRS80,
-) -> Float[np.ndarray, "*n"]:
+) -> Float[HostArray, "*n"]:
     """Return the radius of curvature [m] at the ground in the vertical plane of a
     direction.
 
     It follows from Euler's theorem for the meridian and the prime-vertical radius. A
     vertical direction has no plane and gets their mean.
     """
+    xp = namespace(normal)
     e2 = ellipsoid.eccentricity_squared
     w2 = 1 - e2 * normal[..., 2] ** 2
-    prime_vertical = ellipsoid.semi_major_m / np.sqrt(w2)
+    prime_vertical = ellipsoid.semi_major_m / xp.sqrt(w2)
     meridian = prime_vertical * (1 - e2) / w2
-    horizontal2 = 1 - np.clip(dot(normal, direction), -1, 1) ** 2
+    horizontal2 = 1 - xp.clip(dot(normal, direction), -1, 1) ** 2
     # The eastward part, relative to the horizontal one; both vanish at the poles.
     east = normal[..., 0] * direction[..., 1] - normal[..., 1] * direction[..., 0]
-    cos_latitude2 = np.maximum(1 - normal[..., 2] ** 2, 1e-12)
+    cos_latitude2 = xp.maximum(1 - normal[..., 2] ** 2, 1e-12)
     vertical = horizontal2 < 1e-12
-    sin2_azimuth = np.where(
-        vertical, 0.5, east**2 / cos_latitude2 / np.where(vertical, 1, horizontal2)
+    sin2_azimuth = xp.where(
+        vertical, 0.5, east**2 / cos_latitude2 / xp.where(vertical, 1, horizontal2)
     ).clip(0, 1)
     return 1 / ((1 - sin2_azimuth) / meridian + sin2_azimuth / prime_vertical)
 
 
 def intersect(
-    origin_m: Float[np.ndarray, "*n 3"],
-    direction: Float[np.ndarray, "*n 3"],
+    origin_m: Float[HostArray, "*n 3"],
+    direction: Float[HostArray, "*n 3"],
     ellipsoid: Ellipsoid = GRS80,
-) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"], Bool[np.ndarray, "*n"]]:
+) -> tuple[Float[HostArray, "*n"], Float[HostArray, "*n"], Bool[HostArray, "*n"]]:
     """Find the distances [m] at which lines enter and leave an ellipsoid, and whether
     they do.
 
@@ -181,6 +187,7 @@ def intersect(
     distances at its point of closest approach, so that its chord is empty.
     """
     squash = np.array([1, 1, ellipsoid.semi_major_m / ellipsoid.semi_minor_m])
+    squash = squash.reshape((1,) * (origin_m.ndim - 1) + (3,))
     o = origin_m * squash / ellipsoid.semi_major_m
     d = direction * squash
     d_norm2 = dot(d, d)
@@ -189,7 +196,8 @@ def intersect(
     miss = o + closest[..., None] * d
     miss2 = dot(miss, miss)
     hit = miss2 < 1
-    half = np.sqrt(np.where(hit, 1 - miss2, 0) / d_norm2)
+    xp = namespace(origin_m)
+    half = xp.sqrt(xp.where(hit, 1 - miss2, 0) / d_norm2)
     a = ellipsoid.semi_major_m
     return (closest - half) * a, (closest + half) * a, hit
 

@@ -8,9 +8,9 @@ from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 
-AnyArray = Array | np.ndarray
 Scalar = Float[Array, ""] | float | int
 
+AnyArray = Array | np.ndarray
 # Steps may differ from their mean by this fraction: float32 axes of 1/3 degree do.
 _UNIFORM = 1e-3
 

@@ -7,9 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .arrays import HostArray
 from .geodesy import GRS80, Ellipsoid, curvature_radius, vertical
+from .on_host import compiled_for_many
 from .rays import Rays
-from .shells import Chords
+from .shells import Chords, both_chords
 
 
 class Path(eqx.Module):
@@ -102,26 +104,45 @@ class Path(eqx.Module):
             ends_m=ends_m,
         )
 
+    @property
+    def middle_slant(self) -> Float[Array, " rays"]:
+        """Return the cosine of ray and vertical in the middle of the chord."""
+        half, slope = self.length_m / 2, self._slope()
+        along = self.radius_m * slope + half
+        across2 = self.radius_m**2 * (1 - slope**2)
+        return along / jnp.sqrt(along**2 + jnp.maximum(across2, 1.0))
+
     def _slope(self) -> Float[Array, " rays"]:
         return (self.direction * self.entry_up).sum(-1)
 
 
 def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
     """Bring chords onto the device; the work runs on the host, in float64."""
-    upward, altitude = vertical(rays.at(chords.entry_m), ellipsoid)
-    ground_radius = curvature_radius(upward, rays.direction, ellipsoid)
+    upward, altitude, radius = _at_entry(rays, chords, ellipsoid)
     return Path(
         length_m=device_array(chords.length_m),
         entry_altitude_m=device_array(altitude),
-        radius_m=device_array(ground_radius + altitude),
+        radius_m=device_array(radius),
         direction=device_array(rays.direction),
         entry_up=device_array(upward),
     )
 
 
+@compiled_for_many("ellipsoid")
+def _at_entry(rays: Rays, chords: Chords, ellipsoid: Ellipsoid):
+    upward, altitude = vertical(rays.at(chords.entry_m), ellipsoid)
+    ground_radius = curvature_radius(upward, rays.direction, ellipsoid)
+    return upward, altitude, ground_radius + altitude
+
+
+# What `Rays.ground` and `both_chords` find, compiled where rays are many.
+ground_points = compiled_for_many("ellipsoid")(Rays.ground)
+find_chords = compiled_for_many("shell", "ellipsoid")(both_chords)
+
+
 def points_along(
     rays: Rays, chord: Chords, knots: int
-) -> list[Float[np.ndarray, "rays 3"]]:
+) -> list[Float[HostArray, "rays 3"]]:
     """Return ECEF positions [m] on the chords, equally far apart from the entry to the
     exit.
     """
@@ -241,6 +262,6 @@ def on_chord(
     return total
 
 
-def device_array(x: Float[np.ndarray, "..."]) -> Array:
+def device_array(x: Float[HostArray, "..."]) -> Array:
     """Bring a host array onto the device in the default float of the running JAX."""
     return jnp.asarray(x, dtype=float)

@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .arrays import HostArray
 from .geodesy import GRS80, Ellipsoid, dot, geodetic, intersect, up
 
 
@@ -20,9 +21,9 @@ class Rays:
     - `pixel_rad`: the angle that a pixel spans, from which its footprint follows.
     """
 
-    origin_m: Float[np.ndarray, "rays 3"]
-    direction: Float[np.ndarray, "rays 3"]
-    pixel_rad: float
+    origin_m: Float[HostArray, "rays 3"]
+    direction: Float[HostArray, "rays 3"]
+    pixel_rad: float | HostArray
 
     def __len__(self) -> int:
         return len(self.direction)
@@ -30,7 +31,7 @@ class Rays:
     def __getitem__(self, index) -> "Rays":
         return Rays(self.origin_m[index], self.direction[index], self.pixel_rad)
 
-    def at(self, distance_m: Float[np.ndarray, " rays"]) -> Float[np.ndarray, "rays 3"]:
+    def at(self, distance_m: Float[HostArray, " rays"]) -> Float[HostArray, "rays 3"]:
         """Return ECEF positions [m] at a distance [m] from the sensor on every ray."""
         return self.origin_m + distance_m[:, None] * self.direction
 
@@ -46,15 +47,14 @@ class Rays:
 
     def ground(
         self, ellipsoid: Ellipsoid = GRS80
-    ) -> tuple["GroundPoints", Bool[np.ndarray, " rays"]]:
+    ) -> tuple["GroundPoints", Bool[HostArray, " rays"]]:
         """Find where the rays first meet the ellipsoid, and which ones do.
 
         A ray that misses gets its point of closest approach.
         """
         near, _, hit = intersect(self.origin_m, self.direction, ellipsoid)
-        ahead = hit & (near > 0)
         latitude, longitude, _ = geodetic(self.at(near), ellipsoid)
-        return GroundPoints(latitude, longitude, near), ahead
+        return GroundPoints(latitude, longitude, near), hit & (near > 0)
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ class GroundPoints:
     the sensor.
     """
 
-    latitude_deg: Float[np.ndarray, " rays"]
-    longitude_deg: Float[np.ndarray, " rays"]
-    distance_m: Float[np.ndarray, " rays"]
+    latitude_deg: Float[HostArray, " rays"]
+    longitude_deg: Float[HostArray, " rays"]
+    distance_m: Float[HostArray, " rays"]
 
 
 @runtime_checkable

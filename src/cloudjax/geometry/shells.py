@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 from jaxtyping import Bool, Float
 
+from .arrays import HostArray, namespace
 from .geodesy import GRS80, Ellipsoid, intersect
 from .rays import Rays
 
@@ -36,8 +36,8 @@ class Chords:
     long the ray stays.
     """
 
-    entry_m: Float[np.ndarray, " rays"]
-    length_m: Float[np.ndarray, " rays"]
+    entry_m: Float[HostArray, " rays"]
+    length_m: Float[HostArray, " rays"]
 
 
 def chords(rays: Rays, shell: Shell, ellipsoid: Ellipsoid = GRS80) -> Chords:
@@ -55,18 +55,19 @@ def both_chords(
     """Find the first chord of each ray, and the second one of rays that graze the Earth
     and cross the shell again beyond its floor.
     """
+    xp = namespace(rays.direction)
     near, far, hits = _cut(rays, ellipsoid.raised(shell.top_m))
     floor_near, floor_far, hits_floor = _cut(rays, ellipsoid.raised(shell.bottom_m))
     grounded = meets_ground(rays, ellipsoid)
     below = hits_floor & (floor_near <= 0) & (floor_far > 0)
-    start = np.where(below, floor_far, np.maximum(near, 0))
-    end = np.where(hits_floor & (floor_near > 0), floor_near, far)
+    start = xp.where(below, floor_far, xp.maximum(near, 0))
+    end = xp.where(hits_floor & (floor_near > 0), floor_near, far)
     # From below the shell, the ground hides what lies behind it.
     first = hits & ~(below & grounded)
     second = hits & hits_floor & (floor_near > 0) & ~grounded
     return (
-        Chords(start, np.where(first, np.maximum(end - start, 0), 0)),
-        Chords(floor_far, np.where(second, np.maximum(far - floor_far, 0), 0)),
+        Chords(start, xp.where(first, xp.maximum(end - start, 0), 0)),
+        Chords(floor_far, xp.where(second, xp.maximum(far - floor_far, 0), 0)),
     )
 
 
@@ -74,7 +75,7 @@ def _cut(rays: Rays, ellipsoid: Ellipsoid):
     return intersect(rays.origin_m, rays.direction, ellipsoid)
 
 
-def meets_ground(rays: Rays, ellipsoid: Ellipsoid = GRS80) -> Bool[np.ndarray, " rays"]:
+def meets_ground(rays: Rays, ellipsoid: Ellipsoid = GRS80) -> Bool[HostArray, " rays"]:
     """Tell which rays end on the ground, from wherever the sensor stands."""
     # The middle of its chord tells ahead from behind even where the sensor stands on
     # the ground.

@@ -1,21 +1,20 @@
 """Whole images: a loop on the host over tiles of rays, around the pure functions.
 
-Tiles are of rays with one kind of footprint. In one piece XLA would fuse the reads of
-textures into all that uses them, and repeat them. A tile fits the cache, which is too
-little work for several cores to share: each core has its own.
+Tiles are of rays that are read alike. In one piece XLA would fuse the reads of noise
+into all that uses them, and repeat them. A tile fits the cache, which is too little
+work for several cores to share: each core has its own.
 """
 
 import functools as ft
 import itertools
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from cloudjax.geometry.footprint import Footprint, Kind
+from cloudjax.geometry.footprint import kinds
 from cloudjax.geometry.rays import Rays, Sensor, lines_of_sight
 from cloudjax.march.products import CloudProducts
 from cloudjax.march.radiances import cloud_share, see, see_clear
@@ -24,6 +23,7 @@ from cloudjax.march.view import (
     Surroundings,
     View,
     Ways,
+    grouped_alike,
     lay,
     look_around,
     make_textures,
@@ -34,11 +34,13 @@ from cloudjax.march.view import (
 from cloudjax.workers import each
 
 from .canvas import Canvas
-from .tiling import Sight, batches, some_rays, sorted_by_kind
+from .tiling import Sight, batches, some_rays
 
 
 # Tiles that are navigated at once: numpy and XLA have a price per call.
 _TILES_AT_ONCE = 4
+# Tiles in a job of one core, out of which those are taken that are read alike.
+_TILES_IN_JOB = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,6 @@ def prepare(
     sun_direction: Float[np.ndarray, "3"],
     *,
     rays: int | None = None,
-    resolution: int = 128,
     tile: int | None = None,
 ) -> PreparedImage:
     """Do once what of an image no parameter of the clouds changes.
@@ -95,8 +96,10 @@ def prepare(
     require_concrete(scene, "prepare", "call it before jit, grad or vmap")
     sight, count = _counted(sight, rays)
     tile = tile or _default_tile()
-    jobs = _jobs(scene, sight, count, sun_direction, resolution, tile)
-    found = each(jobs, lambda job: list(_sampled_tiles(scene, job(), tile)))
+    jobs = _jobs(scene, sight, count, sun_direction, tile)
+    found = each(
+        jobs, lambda job: [t for b in job() for t in _sampled_tiles(scene, b, tile)]
+    )
     return PreparedImage(tuple(itertools.chain.from_iterable(found)), count)
 
 
@@ -106,7 +109,6 @@ def render(
     sun_direction: Float[np.ndarray, "3"] | None = None,
     *,
     rays: int | None = None,
-    resolution: int = 128,
     tile: int | None = None,
     with_products: bool = False,
     on_tile: Callable[[int, int], None] | None = None,
@@ -122,7 +124,6 @@ def render(
       given numbers, for images whose rays do not fit into memory, and then `rays` is
       their number; or a view or a prepared image, which know the sun.
     - `sun_direction`: unit vector from the Earth to the sun, ECEF.
-    - `resolution`: voxels per axis of the textures.
     - `tile`: rays that are marched at once.
     - `with_products`: the clouds' cover, height, depth and class, too.
     - `on_tile`: called with the numbers of rays done and of all.
@@ -142,30 +143,30 @@ def render(
             raise TypeError("Rays need a sun: give `sun_direction`.")
         sight, count = _counted(sight, rays)
         jobs = (
-            lambda job=job: _likely_tiles(scene, job(), size)
-            for job in _jobs(scene, sight, count, sun_direction, resolution, size)
+            lambda job=job: (t for b in job() for t in _likely_tiles(scene, b, size))
+            for job in _jobs(scene, sight, count, sun_direction, size)
         )
     return _march(scene, jobs, count, with_products, on_tile)
 
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """Rays of one kind, laid through the layers.
+    """Rays that are read alike, laid through the layers.
 
     **Fields:**
 
     - `index`: their numbers, those of the first rays of `ways`.
     - `ways`: or only what is around rays that miss all air.
-    - `textures`: of the kind; None where none are needed.
+    - `textures`: what the clouds are read from.
     """
 
     index: Int[np.ndarray, " rays"]
     ways: Ways | Surroundings
-    textures: tuple | None
+    textures: tuple
 
 
-# Work that makes a batch, on whatever core is free.
-_Job = Callable[[], _Batch]
+# Work that makes batches, on whatever core is free.
+_Job = Callable[[], Iterator[_Batch]]
 
 
 def _tiles_of(view: View, size: int) -> Iterator[Tile]:
@@ -273,31 +274,24 @@ def _jobs(
     sight: Rays | Sight,
     count: int,
     sun_direction: Float[np.ndarray, "3"],
-    resolution: int,
     tile: int,
 ) -> Iterator[_Job]:
-    def laid(kind: Kind, textures: Callable, index, filled) -> _Batch:
-        some = some_rays(sight, filled)
-        ways = lay(scene, some, sun_direction, kind.sampling, twice=kind.twice)
-        return _Batch(index, ways, textures())
+    textures = make_textures(scene)
 
-    def left(index, filled) -> _Batch:
-        some = some_rays(sight, filled)
-        return _Batch(index, look_around(scene, some, sun_direction), None)
-
-    every = list(sorted_by_kind(scene, sight, count))
-    with ThreadPoolExecutor(1) as ahead:
-        textures: dict[Footprint, Future] = {}
-        for i, (kind, members) in enumerate(every):
-            # Those of the next kind are made while this one's rays are laid.
-            near = [other.footprint for other, _ in every[i : i + 2] if other.knots]
-            textures = {
-                one: textures.get(one)
-                or ahead.submit(make_textures, scene, one, resolution)
-                for one in near
-            }
-            work = left
-            if kind.knots:
-                work = ft.partial(laid, kind, textures[kind.footprint].result)
+    def laid(numbers: Int[np.ndarray, " rays"]) -> Iterator[_Batch]:
+        rays = some_rays(sight, numbers)
+        rows = kinds(rays, scene.shell, scene.shells)
+        for kind, members in grouped_alike(scene, rows):
             for index, filled in batches(members, tile, _TILES_AT_ONCE):
-                yield ft.partial(work, index, filled)
+                some = rays[filled]
+                if kind.knots:
+                    ways = lay(
+                        scene, some, sun_direction, kind.sampling, twice=kind.twice
+                    )
+                else:
+                    ways = look_around(scene, some, sun_direction)
+                yield _Batch(numbers[index], ways, textures)
+
+    for start in range(0, count, tile * _TILES_IN_JOB):
+        numbers = np.arange(start, min(start + tile * _TILES_IN_JOB, count))
+        yield ft.partial(laid, numbers)

@@ -62,7 +62,7 @@ class GroundSamples(eqx.Module):
     ) -> "GroundSamples":
         """Keep places with the height of the sun over them."""
         vertical = up(places.latitude_deg, places.longitude_deg)
-        height = np.maximum((vertical * sun_direction).sum(-1), 0)
+        height = np.maximum(vertical @ sun_direction, 0)
         if altitude_m is None:
             altitude_m = np.zeros(len(hit))
         return cls(

@@ -146,6 +146,11 @@ WATER = water(10.0)
 ICE = ice(39.0)
 
 
+def radius_limits_um(phase: str) -> tuple[float, float]:
+    """Return the least and the greatest effective radius [µm] that the table has."""
+    return _table(phase).limits_um
+
+
 def _sunlit(band: int) -> int:
     return band - 1 if band <= LAST_SUNLIT_BAND else band
 

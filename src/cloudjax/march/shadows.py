@@ -192,7 +192,7 @@ class _Look(eqx.Module):
         here = seen.path.branch(point, sun, jnp.zeros_like(point)[:, None])
         ends = self._ends(here, mine.path, shell, near=near)
         left = seen.start_m - mine.start_m + point
-        branch = mine.source.branch(mine.way, left, sun, ends)
+        branch = mine.source.branch(mine.way, mine.textures, left, sun, ends)
         sunward = mine.source.sample(branch, mine.textures, steps=steps, slopes=False)
         own = mine.at_altitudes_of(branch.path, steps)
         rise = jnp.diff(here.altitude_m(ends))

@@ -7,6 +7,7 @@ parameter of the clouds, so that one view serves every change of them: `radiance
 
 import functools as ft
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -17,11 +18,16 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from cloudjax.air.clear_air import Column
-from cloudjax.geometry.footprint import Footprint, Sampling, grouped, kinds
+from cloudjax.geometry.footprint import Kind, Sampling, grouped, kinds
 from cloudjax.geometry.geodesy import geodetic
-from cloudjax.geometry.path import Profile, device_array, points_along
+from cloudjax.geometry.path import (
+    Profile,
+    device_array,
+    find_chords,
+    ground_points,
+    points_along,
+)
 from cloudjax.geometry.rays import Rays, Sensor, lines_of_sight
-from cloudjax.geometry.shells import both_chords
 from cloudjax.light.ground import GroundSamples
 
 from .scene import Scene
@@ -108,8 +114,6 @@ def look(
     scene: Scene,
     sight: Rays | Sensor,
     sun_direction: Float[np.ndarray, "3"],
-    *,
-    resolution: int = 128,
 ) -> View:
     """Lay the rays of a sensor through a scene, on the host, once for many renders.
 
@@ -120,16 +124,15 @@ def look(
 
     - `sight`: the rays, or a sensor that has some (`Camera`, `FixedGrid`).
     - `sun_direction`: unit vector from the Earth to the sun, ECEF (`sun_over`).
-    - `resolution`: voxels per axis of the textures.
 
     **Raises:** `TypeError` for a scene of tracers: look before you differentiate.
     """
     require_concrete(scene, "look", "call it before jit, grad or vmap")
     rays = lines_of_sight(sight)
     groups, hold = _groups(scene, rays)
+    textures = make_textures(scene)
     parts, order = [], []
     for sampling, twice, members in groups:
-        textures = make_textures(scene, sampling.footprint, resolution)
         for index, filled in tiles(members, _AT_ONCE):
             ways = lay(scene, rays[filled], sun_direction, hold(sampling), twice=twice)
             view = sample(scene, ways, textures)
@@ -153,20 +156,42 @@ def require_concrete(scene: Any, name: str, remedy: str) -> None:
 
 
 def _groups(scene: Scene, rays: Rays):
-    """Rays of one kind each, and how what they need is held alike for all."""
-    rows = kinds(rays, scene.shell, scene.shells)
-    misses = rows[:, 5] == 0
-    # Rays that miss all air read nothing: they go with whatever kind there is.
-    rows[misses] = rows[~misses][0] if not misses.all() else 0
-    twice = bool(rows[:, 6].any())
-    rows[:, 5], rows[:, 6] = np.maximum(rows[:, 5], 2), 0
-    found = [(kind.sampling, twice, members) for kind, members in grouped(rows)]
-    most = max(sampling.knots for sampling, *_ in found)
+    """Rays that are read alike, and how what they need is held alike for all."""
+    found = grouped_alike(scene, kinds(rays, scene.shell, scene.shells))
+    misses = [members for kind, members in found if not kind.knots]
+    hits = [both for both in found if both[0].knots]
+    if misses:
+        # They read nothing, and go with whatever others there are.
+        kind, members = hits.pop() if hits else (Kind(1.0, 1.0), misses.pop())
+        hits.append((kind, np.concatenate([members, *misses])))
+    samplings = [kind.sampling for kind, _ in hits]
+    twice = any(kind.twice for kind, _ in hits)
+    most = max(sampling.knots for sampling in samplings)
+    finest = min(sampling.finest_m for sampling in samplings)
 
     def hold(sampling: Sampling) -> Sampling:
-        return Sampling(sampling.footprint, sampling.knots, most, len(found) > 1)
+        alike = finest if len(samplings) > 1 else None
+        return replace(sampling, held_knots=most, held_finest_m=alike)
 
-    return found, hold
+    groups = [(kind.sampling, twice, members) for kind, members in hits]
+    return groups, hold
+
+
+def grouped_alike(
+    scene: Scene, rows: Int[np.ndarray, "rays 4"]
+) -> list[tuple[Kind, Int[np.ndarray, " members"]]]:
+    """Group rays, by rows of `kinds`, that all sources of a scene read alike.
+
+    A group has the kind of its finest pixels.
+    """
+    groups: dict[Any, tuple[Kind, list]] = {}
+    for kind, members in grouped(rows):
+        key: Any = "misses"
+        if kind.knots:
+            points = tuple(x.cloud.points(kind.sampling) for x in scene.layers)
+            key = points, kind.knots, kind.twice
+        groups.setdefault(key, (kind, []))[1].append(members)
+    return [(kind, np.concatenate(some)) for kind, some in groups.values()]
 
 
 def lay(
@@ -183,7 +208,7 @@ def lay(
     """
     ways, entries, layer_of, air = [], [], [], []
     for i, layer in enumerate(scene.layers):
-        for chord in both_chords(rays, layer.cloud.shell)[: 1 + twice]:
+        for chord in find_chords(rays, layer.cloud.shell)[: 1 + twice]:
             ways.append(layer.cloud.navigate(rays, chord, sampling))
             entries.append(chord.entry_m)
             layer_of.append(i)
@@ -208,7 +233,7 @@ def look_around(
     scene: Scene, rays: Rays, sun_direction: Float[np.ndarray, "3"]
 ) -> Surroundings:
     """Read ground and air along rays, on the host."""
-    places, hit = rays.ground()
+    places, hit = ground_points(rays)
     column = None
     if scene.air is not None:
         column = scene.air.look(rays, places, sun_direction)
@@ -219,11 +244,9 @@ def look_around(
     return Surroundings(ground, column, device_array(sun))
 
 
-def make_textures(scene: Scene, footprint: Footprint, resolution: int) -> tuple:
-    """Make the textures of each layer for one kind of pixel."""
-    return tuple(
-        layer.cloud.make_textures(footprint, resolution) for layer in scene.layers
-    )
+def make_textures(scene: Scene) -> tuple:
+    """Make what the clouds of each layer are read from."""
+    return tuple(layer.cloud.make_textures() for layer in scene.layers)
 
 
 @jax.jit

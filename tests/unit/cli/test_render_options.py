@@ -47,13 +47,12 @@ def _sensor(weather, *options):
 
 
 def test_a_sensor_s_world_is_that_of_the_options(weather, strips):
-    given = "--seed", 7, "--steps", 3, "--resolution", 64, "--bands", "2,13"
+    given = "--seed", 7, "--steps", 3, "--bands", "2,13"
     _sensor(weather, *given, "--shadows", 4, "--time", "2019-10-27T19:30")
-    ((world, sensor, bands, time, _, options),) = strips
+    ((world, sensor, bands, time, _, _),) = strips
     assert (world.seed, world.steps, world.shadows) == (7, 3, 4)
     assert world.light == "physical"
     assert list(world.classes) == ["low", "high"]
-    assert options["resolution"] == 64
     assert [band.number for band in bands] == [2, 13]
     assert time == datetime(2019, 10, 27, 19, 30, tzinfo=UTC)
     # The middle of 1000 km is the place that has been asked for.
@@ -63,7 +62,7 @@ def test_a_sensor_s_world_is_that_of_the_options(weather, strips):
 
 
 def test_the_light_and_the_satellite_are_those_of_the_options(weather, strips):
-    _sensor(weather, "--light", "paper", "--longitude", "-90", "--resolution", 32)
+    _sensor(weather, "--light", "paper", "--longitude", "-90")
     ((world, sensor, _, time, _, _),) = strips
     assert world.light == "paper"
     assert world.shadows == 0
@@ -73,7 +72,7 @@ def test_the_light_and_the_satellite_are_those_of_the_options(weather, strips):
 
 def test_frames_are_minutes_apart_and_their_winds_longer(weather, strips):
     """Each frame's clouds have been drawn for 20 minutes more."""
-    _sensor(weather, "--frames", 3, "--minutes", 20, "--resolution", 32)
+    _sensor(weather, "--frames", 3, "--minutes", 20)
     times = [time for _, _, _, time, _, _ in strips]
     assert times == [NOON + timedelta(minutes=20 * i) for i in range(3)]
     drawn = [winds[8000.0, 3.0] for *_, winds, _ in strips]
@@ -89,8 +88,8 @@ def simulated(monkeypatch):
     """The scene that was to be simulated."""
     asked = []
 
-    def simulate_image(scene, made_of, resolution):
-        asked.append((scene, made_of, resolution))
+    def simulate_image(scene, made_of):
+        asked.append((scene, made_of))
         raise Reached
 
     monkeypatch.setattr("cloudjax_fit.fitted_image.simulate_image", simulate_image)
@@ -104,10 +103,9 @@ def _scene(folder, tmp_path, *options):
 
 
 def test_a_scene_is_built_as_the_options_say(scene, tmp_path, simulated):
-    given = "--seed", 7, "--steps", 3, "--resolution", 160, "--light", "physical"
+    given = "--seed", 7, "--steps", 3, "--light", "physical"
     _scene(scene, tmp_path, *given, "--shadows", 5, "--bands", "13")
-    ((built, made_of, resolution),) = simulated
-    assert resolution == 160
+    ((built, made_of),) = simulated
     assert built.shadows == Shadows(5)
     assert built.bands == (13,)
     assert made_of.seed == 7

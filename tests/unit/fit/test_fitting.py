@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from tests.small_fits import (
     BLOCKS,
-    RESOLUTION,
     SHAPE,
     flecked,
     small_class,
@@ -34,7 +33,7 @@ from cloudjax_fit.targets import block_of_pixels
 from cloudjax_scenes import simulate_image
 
 
-SETTINGS = FitSettings(rays=576, steps=5, resolution=RESOLUTION, max_steps=6, seed=3)
+SETTINGS = FitSettings(rays=576, steps=5, max_steps=6, seed=3)
 HELD = {
     name: {"free": False}
     for name in (
@@ -95,7 +94,7 @@ def test_distances_are_those_of_the_images_before_and_after(result, number):
 
 
 def test_the_start_is_the_scene_of_the_defaults(result):
-    start = simulate_image(_defaults(result), result.made_of, RESOLUTION)
+    start = simulate_image(_defaults(result), result.made_of)
     np.testing.assert_allclose(result.start.radiance, start.radiance, rtol=1e-5)
     np.testing.assert_allclose(result.start.cloud, start.cloud, atol=1e-5)
     assert [e.start for e in result.estimates] == pytest.approx(
@@ -114,7 +113,7 @@ def test_the_image_is_the_scene_of_the_values_that_are_told(result):
     cloud = scene.layers[0].cloud
     assert isinstance(cloud, FractalCloud)
     assert float(cloud.function.top_m) == 900.0
-    image = simulate_image(scene, result.made_of, RESOLUTION)
+    image = simulate_image(scene, result.made_of)
     np.testing.assert_allclose(result.image.radiance, image.radiance, rtol=1e-4)
     moved = np.abs(result.image.radiance / result.start.radiance - 1)
     assert moved.max() > 0.02
@@ -123,7 +122,7 @@ def test_the_image_is_the_scene_of_the_values_that_are_told(result):
 def test_the_seed_is_that_of_the_settings(result):
     assert result.made_of.seed == 3
     other = replace(result.made_of, seed=4)
-    image = simulate_image(_defaults(replace(result, made_of=other)), other, RESOLUTION)
+    image = simulate_image(_defaults(replace(result, made_of=other)), other)
     assert np.abs(image.radiance / result.start.radiance - 1).max() > 0.1
 
 
@@ -131,7 +130,7 @@ def test_the_seed_is_that_of_the_settings(result):
 def posed(target, result):
     """All pixels, at the parameters that the fit has found."""
     free = [e.parameter for e in result.estimates]
-    return pose(target, result.scene, free, rays=10_000, seed=0, resolution=RESOLUTION)
+    return pose(target, result.scene, free, rays=10_000, seed=0)
 
 
 def test_what_is_fitted_is_what_is_rendered(result, posed):
@@ -211,10 +210,7 @@ def test_blocks_are_counted_row_by_row():
 
 
 def test_rays_are_drawn_anew_for_another_seed(target, result):
-    drawn = [
-        pose(target, result.scene, (), rays=40, seed=s, resolution=RESOLUTION)[1]
-        for s in (0, 0, 1)
-    ]
+    drawn = [pose(target, result.scene, (), rays=40, seed=s)[1] for s in (0, 0, 1)]
     assert (drawn[0] == drawn[1]).all()
     assert len(np.intersect1d(drawn[0], drawn[2])) < 20
     assert all(len(np.unique(some)) == 40 for some in drawn)

@@ -11,7 +11,6 @@ from tests.generated import DIALECT, default_calibration, window, write_abi_l1b
 from tests.scenes import NIGHT
 from tests.small_fits import (
     BLOCKS,
-    RESOLUTION,
     SHAPE,
     flecked,
     small_class,
@@ -131,7 +130,7 @@ def halves():
 def _posed(target, halves, rays=10_000):
     _, _, scene, parameters = halves
     free = [p for p in parameters if p.name == "low.threshold"]
-    return pose(target, scene, free, rays=rays, seed=0, resolution=RESOLUTION)
+    return pose(target, scene, free, rays=rays, seed=0)
 
 
 def test_rays_are_drawn_from_pixels_with_data(halves):

@@ -85,7 +85,6 @@ def test_an_unknown_key_is_named_with_the_nearest(text, named, near):
         "[fit]\nrays = 0",
         "[fit]\nrays = 1.5",
         "[fit]\nseed = -1",
-        "[fit]\nresolution = 64",
         "[fit]\nbands = []",
         "[fit]\nclasses = 3",
         "[fit]\nbands = [17]",

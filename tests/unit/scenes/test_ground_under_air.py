@@ -19,7 +19,7 @@ from tests.generated import (
 from tests.generated_grib import write_grib
 from tests.helpers import PLANCK
 from tests.scenes import LEVELS
-from tests.small_fits import RESOLUTION, small_class, small_imagery
+from tests.small_fits import small_class, small_imagery
 
 
 BANDS = nominal_bands()
@@ -54,7 +54,7 @@ def world(tmp_path_factory):
 def _clear(scene: Scene, number: int) -> np.ndarray:
     """The radiance of a band without the clouds."""
     bare = replace(scene, layers=())
-    view = look(bare, GRID, sun_direction(SCAN_START), resolution=RESOLUTION)
+    view = look(bare, GRID, sun_direction(SCAN_START))
     return np.asarray(bare.total(radiances(bare, view))[bare.bands.index(number)])
 
 
@@ -117,7 +117,7 @@ def test_clear_sky_of_imagery_is_what_was_seen(light):
     imagery = small_imagery()
     made_of = SceneFromImagery(imagery, None, light, {"low": small_class()}, steps=2)
     scene = replace(made_of.build(), layers=())
-    view = look(scene, imagery.grid, sun_direction(imagery.time), resolution=32)
+    view = look(scene, imagery.grid, sun_direction(imagery.time))
     seen = np.asarray(scene.total(radiances(scene, view)))
     for row, number in zip(seen, scene.bands, strict=True):
         expected = imagery.backgrounds[number][0, 0]

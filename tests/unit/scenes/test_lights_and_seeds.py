@@ -2,17 +2,16 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from cloudjax import nominal_bands
+from cloudjax.clouds.ladder import frames
 from cloudjax_data import WeatherSeries, open_folder, read_weather
 from cloudjax_scenes import SceneFromImagery
 from cloudjax_scenes.imagery_reduction import reduce_scene
 from cloudjax_scenes.weather_scene import World
 from tests.generated import SCAN_START, default_calibration, window, write_abi_l1b
-from tests.helpers import pixel
 from tests.scenes import write_weather
 from tests.small_fits import RULE, small_class, small_imagery
 
@@ -28,10 +27,12 @@ def world(tmp_path_factory):
 
 
 def _textures(scene):
-    """The texture of each class at some places."""
-    made = [layer.cloud.make_textures(pixel(2e3), 32) for layer in scene.layers]
-    places = jnp.asarray(np.random.default_rng(0).random((3, 50)), float)
-    return [np.asarray(some[0].sample(places)) for some in made]
+    """How the longest rung of each class is turned and shifted."""
+    made = [frames(layer.cloud.ladders, layer.cloud.seed) for layer in scene.layers]
+    return [
+        np.append(turned[0] / np.abs(turned[0]).max(), shifts[0])
+        for turned, shifts in made
+    ]
 
 
 def test_no_two_classes_have_one_texture(world):

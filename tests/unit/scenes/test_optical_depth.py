@@ -12,7 +12,7 @@ from cloudjax_scenes.sensors import Sensor
 from cloudjax_scenes.weather_scene import World
 from tests.generated import SCAN_START, window
 from tests.scenes import write_weather
-from tests.small_fits import RESOLUTION, full_slab, small_imagery
+from tests.small_fits import full_slab, small_imagery
 
 
 DEPTH = 5.0
@@ -25,7 +25,7 @@ def test_a_full_slab_over_imagery_is_as_deep_as_its_extinction_times_its_height(
     made_of = SceneFromImagery(
         imagery, None, light, {"low": full_slab(DEPTH)}, steps=44
     )
-    image = simulate_image(made_of.build(), made_of, RESOLUTION)
+    image = simulate_image(made_of.build(), made_of)
     np.testing.assert_allclose(image.depths[0], DEPTH, rtol=0.04)
     np.testing.assert_allclose(image.optical_depth, DEPTH, rtol=0.04)
 
@@ -43,7 +43,7 @@ def test_a_full_slab_over_weather_is_as_deep_too(series, light):
     world = World(series, known, steps=44, light=light, air=False)
     band = nominal_bands()[2]
     sensor = Sensor("test", "ABI", window((6, 6)), {2: band})
-    image = render_sensor(world, sensor, [band], SCAN_START, resolution=RESOLUTION)
+    image = render_sensor(world, sensor, [band], SCAN_START)
     np.testing.assert_allclose(image.cloud_optical_depth, DEPTH, rtol=0.04)
     assert (image.cloud_class == 1).all()
     assert (abs(image.cloud_top_height_m - 1750) < 350).all()

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from cloudjax import Camera, ClassTexture, FixedGrid, Perlin, nominal_bands
+from cloudjax import (
+    Camera,
+    ClassTexture,
+    FixedGrid,
+    Gaussian,
+    Ladder,
+    nominal_bands,
+)
 from cloudjax_data import DataError, WeatherSeries, read_weather
 from cloudjax_scenes.image_strips import render_strips, strips, write_strips
 from cloudjax_scenes.sensor_image import (
@@ -24,6 +31,8 @@ from tests.scenes import write_weather
 GRID = FixedGrid.abi_meso(10.0, 20.0, -80.0)
 CAMERA = Camera(20.0, -80.0, 500e3, 0.0, -90.0, 20.0, 30, 40)
 BANDS = nominal_bands()
+
+COARSE = ClassTexture(Ladder(Gaussian(), 225e3, 110e3), 1.0, 0.5, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +135,8 @@ def test_a_file_of_strips_is_that_of_the_whole(tmp_path, world):
     """One thin class of cloud on a small sector, at once and in strips of five rows."""
     stratus = world.classes["low_stratus"]
     plain = dataclasses.replace(
-        stratus, textures=(ClassTexture(Perlin(4, 2), 900e3, 1.0, 0.0),)
+        stratus,
+        textures=(ClassTexture(Ladder(Gaussian(), 225e3, 110e3), 1.0, 0.5, 0.0),),
     )
     quick = dataclasses.replace(world, steps=4, classes={"a": plain})
     sensor = Sensor("test", "ABI", GRID, BANDS)
@@ -137,7 +147,6 @@ def test_a_file_of_strips_is_that_of_the_whole(tmp_path, world):
             sensor,
             [BANDS[2]],
             SCAN_START,
-            resolution=32,
             pixels=pixels,
             on_tile=lambda *numbers: done.append(numbers),
         )
@@ -157,12 +166,6 @@ def test_a_file_of_strips_is_that_of_the_whole(tmp_path, world):
     assert min(sizes) > 0.9 * max(sizes)
 
 
-def test_a_resolution_that_is_too_coarse_is_refused_before_work(world):
-    sensor = Sensor("test", "ABI", GRID, BANDS)
-    with pytest.raises(DataError, match="too coarse"):
-        render_sensor(world, sensor, [BANDS[13]], SCAN_START, resolution=16)
-
-
 def test_a_disc_has_space_around_it_and_clouds_on_it(world):
     """Nine thick pixels, of which the corners miss the Earth."""
     angles = np.array([-0.12, 0.0, 0.12])
@@ -170,11 +173,12 @@ def test_a_disc_has_space_around_it_and_clouds_on_it(world):
     view = dataclasses.replace(whole, x_rad=angles, y_rad=angles[::-1])
     stratus = world.classes["low_stratus"]
     plain = dataclasses.replace(
-        stratus, textures=(ClassTexture(Perlin(4, 2), 900e3, 1.0, 0.0),)
+        stratus,
+        textures=(ClassTexture(Ladder(Gaussian(), 225e3, 110e3), 1.0, 0.5, 0.0),),
     )
     quick = dataclasses.replace(world, steps=4, classes={"a": plain})
     sensor = Sensor("test", "ABI", view, BANDS)
-    image = render_sensor(quick, sensor, [BANDS[13]], SCAN_START, resolution=16)
+    image = render_sensor(quick, sensor, [BANDS[13]], SCAN_START)
     seen = np.isfinite(image.latitude_deg)
     assert seen.tolist() == [[False, True, False], [True] * 3, [False, True, False]]
     for values in (image.radiance[13], image.cloud_fraction):

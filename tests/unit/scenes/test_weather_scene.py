@@ -222,13 +222,6 @@ def test_a_world_that_cannot_be_is_refused(tmp_path, settings, words):
         world(analysis(tmp_path), **settings)
 
 
-def test_too_few_voxels_for_a_texture_are_refused(tmp_path):
-    made = world(analysis(tmp_path))
-    made.require_resolution(128)
-    with pytest.raises(DataError, match=r"too coarse.*make it 128 or more"):
-        made.require_resolution(64)
-
-
 def test_band_7_reflects_and_emits_by_day_and_emits_by_night(tmp_path):
     """Sea of albedo 0.02 and emissivity 0.98 under a high sun: one row, the sum."""
     made = world(analysis(tmp_path), air=False)

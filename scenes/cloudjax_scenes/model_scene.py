@@ -1,0 +1,222 @@
+"""A scene of a weather model's own clouds: its columns of water and ice, its air.
+
+Other scenes draw fractal clouds where weather or imagery lets them stand.
+"""
+
+import functools as ft
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Float
+
+from cloudjax import (
+    Air,
+    Band,
+    EmissiveBands,
+    LatLonGrid,
+    Layer,
+    ProfileGrid,
+    ReflectiveBands,
+    Scene,
+)
+from cloudjax.air.atmosphere import temperature_k
+from cloudjax.air.gases import LEVELS_M, standard_humidity
+from cloudjax.clouds.columns import ColumnCloud
+from cloudjax.march.column_layer import column_layer
+from cloudjax_data import DataError, WrfColumns, earth_sun_distance_au
+
+from .lights import Light, light_named
+from .surface import Surface
+
+
+# Of the map of temperatures; more places than a model's air has structure.
+_MOST_PLACES = 64
+# Above the model's top the standard air follows, as much warmer as the top is, fading.
+_FADING_M = 5e3
+
+
+@dataclass(frozen=True, eq=False)
+class ModelWorld:
+    """A `ModelWorld` is one time of a weather model, ready for any sensor.
+
+    **Fields:**
+
+    - `columns`: the model's.
+    - `steps`: through the shell of water and through that of ice.
+    - `light`: the strategy for sunlight, one of `lights.LIGHTS`.
+    - `shadows`: steps towards the sun, 0 for no shadows.
+
+    **Raises:** `DataError` where the model has no cloud, for no steps, and for shadows
+    with another light than the physical one.
+    """
+
+    columns: WrfColumns
+    steps: int = 24
+    light: str = "physical"
+    shadows: int = 0
+    # Nothing is drawn at random.
+    seed: int = 0
+
+    def __post_init__(self):
+        self.columns.require_cloud()
+        if self.steps < 1:
+            raise DataError(f"steps = {self.steps} is none: make it 1 or more.")
+        # For its errors.
+        self.strategy.shadows(self.shadows)
+
+    @property
+    def strategy(self) -> Light:
+        """The strategy for light."""
+        return light_named(self.light)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of the files that it is made of."""
+        return (self.columns.frame.path.name,)
+
+    @ft.cached_property
+    def classes(self) -> Mapping[str, ColumnCloud]:
+        """The clouds of each phase that has some."""
+        columns = self.columns
+        return MappingProxyType(
+            {
+                part.phase: ColumnCloud.of(
+                    columns.grid,
+                    columns.heights_m,
+                    part.phase,
+                    part.content_g_m3,
+                    part.effective_radius_um,
+                    columns.cloud_fraction,
+                )
+                for part in columns.condensate
+                if part.content_g_m3.max() > 0
+            }
+        )
+
+    def winds(self, time: datetime) -> Mapping:
+        """Give no winds: a model has moved its clouds itself."""
+        del time
+        return {}
+
+    def scene(
+        self,
+        bands: Sequence[Band],
+        time: datetime,
+        winds: Mapping | None = None,
+        *,
+        day: bool = True,
+        ready: bool = True,
+    ) -> Scene:
+        """Build the scene for the bands of a sensor.
+
+        **Arguments:**
+
+        - `time`: of the sun.
+        - `day`: whether bands that emit see the sun as well.
+        - `ready`: as of `column_layer`; not for derivatives by water and radius.
+        """
+        del winds
+        light = self.strategy
+        sunlit = [b for b in bands if b.reflective or (day and b.sunlit)]
+        emissive = [band for band in bands if not band.reflective]
+        layers = self._layers(sunlit, emissive, ready)
+        return Scene(
+            layers=layers,
+            reflective=ReflectiveBands.of(sunlit, earth_sun_distance_au(time)),
+            emissive=EmissiveBands.of(emissive),
+            reflection=light.reflection(),
+            emission=light.emission() if light.emission and emissive else None,
+            air=Air.of_bands([band.number for band in bands], profiles=self.profiles),
+            shadows=light.shadows(self.shadows),
+            ground=self.surface,
+        )
+
+    def _layers(self, sunlit, emissive, ready: bool) -> tuple[Layer, ...]:
+        return tuple(
+            column_layer(
+                cloud,
+                sunlit=[band.number for band in sunlit],
+                thermal=[band.number for band in emissive],
+                steps=self.steps,
+                extinction_share=self.strategy.share,
+                ready=ready,
+            )
+            for cloud in self.classes.values()
+        )
+
+    @ft.cached_property
+    def surface(self) -> Surface:
+        """The ground, as warm as the lowest air; beyond the model as at its edge."""
+        nearest = self._nearest
+        kelvin = self.columns.temperature_k[0][nearest]
+        height = self.columns.ground_m[nearest]
+        return Surface.as_warm_as(kelvin, height, self._places)
+
+    @ft.cached_property
+    def profiles(self) -> ProfileGrid:
+        """The air of the model, above its top the US standard atmosphere."""
+        row, column = self._nearest
+        heights, kelvin, humidity = (
+            field[:, row, column].reshape(len(field), -1).T
+            for field in (
+                (self.columns.heights_m[1:] + self.columns.heights_m[:-1]) / 2,
+                self.columns.temperature_k,
+                self.columns.specific_humidity,
+            )
+        )
+        shape = (*row.shape, len(LEVELS_M))
+        warm = _extended_all(
+            heights, kelvin, np.asarray(temperature_k(LEVELS_M), float)
+        )
+        moist = _extended_all(heights, humidity, standard_humidity())
+        return ProfileGrid(
+            warm.reshape(shape).astype(np.float32),
+            np.maximum(moist, 0).reshape(shape).astype(np.float32),
+            self._places,
+        )
+
+    @ft.cached_property
+    def _places(self) -> LatLonGrid:
+        """Latitudes and longitudes over the model, some as far apart as its columns."""
+        grid = self.columns.grid
+        latitude, longitude = grid.places(*grid.mesh())
+        middle = longitude[longitude.shape[0] // 2, longitude.shape[1] // 2]
+        longitude = middle + (longitude - middle + 180) % 360 - 180
+        axes = [
+            np.linspace(a.min(), a.max(), int(np.clip(n, 2, _MOST_PLACES)))
+            for a, n in zip((latitude, longitude), grid.shape, strict=True)
+        ]
+        return LatLonGrid.from_axes(*axes)
+
+    @ft.cached_property
+    def _nearest(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column next to each of the places."""
+        places, grid = self._places, self.columns.grid
+        axes = places.latitude.values, places.longitude.values
+        index = grid.index(*np.meshgrid(*axes, indexing="ij"))
+        row, column = (
+            np.clip(np.rint(x), 0, n - 1).astype(int)
+            for x, n in zip(index, grid.shape, strict=True)
+        )
+        return row, column
+
+
+def _extended_all(heights_m, values, above) -> Float[np.ndarray, "places standard"]:
+    pairs = zip(heights_m, values, strict=True)
+    return np.array([_extended(*pair, above) for pair in pairs])
+
+
+def _extended(
+    height_m: Float[np.ndarray, " levels"],
+    values: Float[np.ndarray, " levels"],
+    above: Float[np.ndarray, " standard"],
+) -> Float[np.ndarray, " standard"]:
+    """Values at the standard levels, held below the first one."""
+    top = height_m[-1]
+    beyond = np.interp(top, LEVELS_M, above)
+    faded = np.exp(-np.maximum(LEVELS_M - top, 0) / _FADING_M)
+    further = above + (values[-1] - beyond) * faded
+    return np.where(top < LEVELS_M, further, np.interp(LEVELS_M, height_m, values))

@@ -1,0 +1,54 @@
+"""Layers from the columns of a model."""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+
+from cloudjax.clouds.columns import AbstractColumns, ColumnCloud
+from cloudjax.light.optics import Particles, radius_limits_um
+
+from .scene import Layer
+
+
+def column_layer(
+    cloud: ColumnCloud,
+    *,
+    sunlit: Sequence[int] = (),
+    thermal: Sequence[int] = (),
+    steps: int = 24,
+    extinction_share: float = 1.0,
+    ready: bool = False,
+    name: str | None = None,
+) -> Layer:
+    """Make the layer of a model's water, or of its ice, for the bands of a scene.
+
+    Extinction follows each cell's content and radius; co-albedo, asymmetry and what
+    depends on the band are of particles of the mean radius.
+
+    **Arguments:**
+
+    - `sunlit`, `thermal`: numbers of the bands that see the sun, and of those that
+      emit, as the scene lists them.
+    - `steps`: of the march through the shell.
+    - `extinction_share`: as of `class_layer`.
+    - `ready`: find optical depths once, for renders that need no derivatives by
+      content and radius.
+    - `name`: of the layer; by default the phase.
+    """
+    low, high = radius_limits_um(cloud.phase)
+    radius = min(max(cloud.mean_radius_um(), low), high)
+    particles = Particles(cloud.phase, radius)
+    source: AbstractColumns = cloud.ready() if ready else cloud
+    return Layer(
+        cloud=source,
+        extinction_per_m=jnp.asarray(extinction_share * cloud.extinction_per_m, float),
+        infrared_ratio=jnp.asarray(particles.infrared_ratio / extinction_share, float),
+        co_albedo=particles.co_albedo_in(sunlit),
+        asymmetry=particles.asymmetry_in(sunlit),
+        relative_extinction=particles.relative_extinction_in(sunlit),
+        relative_absorption=particles.relative_absorption_in(thermal),
+        thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
+        thermal_asymmetry=particles.thermal_asymmetry_in(thermal),
+        name=cloud.phase if name is None else name,
+        steps=steps,
+    )

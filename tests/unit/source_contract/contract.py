@@ -1,0 +1,227 @@
+"""What every source of cloud promises (`clouds/source.py`), for all of them alike.
+
+A new source is one more entry of `SOURCES`.
+"""
+
+import dataclasses
+import functools as ft
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cloudjax import (
+    AbstractCloudSource,
+    EmittingSlabs,
+    FractalCloud,
+    GriddedCloud,
+    PlaneParallel,
+    Rays,
+    Scene,
+    Shadows,
+    Shell,
+    Slabs,
+    look,
+)
+from cloudjax.clouds.columns import ColumnCloud
+from cloudjax.geometry.column_grid import ColumnGrid
+from cloudjax.geometry.map_projections import ConformalConic
+from tests.helpers import (
+    GEOSTATIONARY_M,
+    FunctionMask,
+    PlacesGround,
+    TurnedAir,
+    emissive_bands,
+    fractal_cloud,
+    ground_points,
+    layer,
+    limb_rays,
+    make_scene,
+    rays_to,
+    reflective_bands,
+    sun,
+)
+
+
+STEPS, RAYS = 5, 12
+SUN = sun(50.0)
+NEAR = rays_to(GEOSTATIONARY_M, ground_points(RAYS, 20.0, 10.0, 0.08))
+
+
+def _tilted(latitude_deg, longitude_deg):
+    return (latitude_deg - 20) * 4
+
+
+def _fractal() -> FractalCloud:
+    return dataclasses.replace(
+        fractal_cloud(nodes=3, smoothing=0.3),
+        mask=FunctionMask(_tilted),
+        displacements=(TurnedAir.by(2.0), None),
+    )
+
+
+def _gridded(periodic: bool) -> GriddedCloud:
+    """24 km wide, more than the rays are apart, with cells as wide as pixels."""
+    values = np.random.default_rng(0).uniform(0.1, 0.9, (8, 8, 3))
+    return GriddedCloud(
+        density=jnp.asarray(values, float),
+        shell=Shell(1000.0, 2200.0),
+        corner_deg=(19.9, 9.9),
+        spacing_m=(3000.0, 3000.0),
+        periodic=periodic,
+    )
+
+
+def _columns() -> ColumnCloud:
+    """Columns 3 km apart on a Lambert map, over rising ground, half covered."""
+    rng = np.random.default_rng(1)
+    own = ConformalConic.lambert(10.0, 30.0, 0.0)
+    x, y = (float(v[0]) for v in own.project(np.array([19.9]), np.array([9.9])))
+    grid = ColumnGrid(own, (x, y), (3e3, 3e3), (8, 9))
+    ends = np.array([1000.0, 1150, 1500, 2200])[:, None, None]
+    return ColumnCloud.of(
+        grid,
+        ends + 20 * np.arange(9) + np.zeros((8, 9)),
+        "water",
+        rng.uniform(0.01, 0.1, (3, 8, 9)),
+        rng.uniform(6, 20, (3, 8, 9)),
+        rng.uniform(0.3, 0.9, (3, 8, 9)),
+        nodes=2,
+    )
+
+
+SOURCES: dict[str, Callable[[], AbstractCloudSource]] = {
+    "fractal": _fractal,
+    "gridded": ft.partial(_gridded, periodic=False),
+    "periodic": ft.partial(_gridded, periodic=True),
+    "columns": _columns,
+    "ready columns": lambda: _columns().ready(),
+}
+# Whose tests take minutes.
+SLOW = ("columns", "ready columns")
+# What depends on places and is read with them. Not parameters.
+READ_WITH_PLACES = ("mask", "displacements")
+
+
+def _paper_with_shadows(scene: Scene) -> Scene:
+    return dataclasses.replace(scene, shadows=Shadows(2, points=3))
+
+
+def _physical(scene: Scene) -> Scene:
+    slabs = PlaneParallel.load()
+    return dataclasses.replace(
+        scene, reflection=Slabs(slabs), emission=EmittingSlabs(slabs)
+    )
+
+
+# What light does not depend on, and why.
+LIGHTS = {
+    "paper with shadows": (
+        _paper_with_shadows,
+        dict.fromkeys(
+            (".thermal_co_albedo", ".thermal_asymmetry"),
+            "cloud is taken for an absorber where the scene has no emission",
+        ),
+    ),
+    "physical": (_physical, {}),
+}
+EACH_SOURCE = pytest.mark.parametrize(
+    "source",
+    [
+        pytest.param(source, id=name, marks=[pytest.mark.slow] * (name in SLOW))
+        for name, source in SOURCES.items()
+    ],
+)
+EACH_LIGHT = pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS)
+
+
+def scene_of(source, light=_paper_with_shadows) -> Scene:
+    """The source below a fractal cloud, over a ground that differs everywhere."""
+    both = {
+        "reflective": 2,
+        "steps": STEPS,
+        "asymmetry": [0.85, 0.8],
+        "relative_extinction": [1.0, 1.1],
+        "co_albedo": [0.01, 0.05],
+        "thermal_co_albedo": [0.4],
+        "thermal_asymmetry": [0.9],
+    }
+    above = fractal_cloud(Shell(5e3, 7e3), base_m=5300.0, top_m=6800.0)
+    return light(
+        make_scene(
+            [
+                layer(source(), name="tested", **both),
+                layer(above, extinction_per_m=3e-4, name="above", **both),
+            ],
+            reflective_bands(1, 5),
+            emissive_bands(13),
+            ground=PlacesGround(),
+        )
+    )
+
+
+def parameters_of(scene: Scene) -> list[str]:
+    """Names of all arrays of the tested layer that are parameters."""
+    named, _ = jax.tree_util.tree_flatten_with_path(scene.layers[0])
+    return [
+        jax.tree_util.keystr(path)
+        for path, leaf in named
+        if jnp.issubdtype(leaf.dtype, jnp.floating)
+        and not any(
+            f".{name}" in jax.tree_util.keystr(path) for name in READ_WITH_PLACES
+        )
+    ]
+
+
+def moved_by(scene: Scene, names: list[str], x) -> Scene:
+    """Each parameter moved by tenths of its values, each entry by a part of its own."""
+    named, tree = jax.tree_util.tree_flatten_with_path(scene.layers[0])
+    moved = []
+    for path, leaf in named:
+        name = jax.tree_util.keystr(path)
+        if name in names:
+            rng = np.random.default_rng(len(name))
+            part = jnp.asarray(0.1 * rng.uniform(0.5, 1, leaf.shape), leaf.dtype)
+            leaf = leaf * (1 + x[names.index(name)] * part)
+        moved.append(leaf)
+    own = jax.tree.unflatten(tree, moved)
+    return dataclasses.replace(scene, layers=(own, *scene.layers[1:]))
+
+
+def view_of(scene: Scene, rays: Rays = NEAR):
+    return look(scene, rays, SUN)
+
+
+def assert_close(one, other, rtol=1e-5, atol=0.0):
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_allclose(a, b, rtol=rtol, atol=atol)
+
+
+def assert_equal(one, other):
+    assert_close(one, other, rtol=0)
+
+
+def summed(seen):
+    """Means and mean squares of each band, of about the size of one."""
+    values = jnp.concatenate([seen.reflective, seen.emissive]) / 100
+    return jnp.concatenate([values.mean(1), (values**2).mean(1)])
+
+
+def mixed(pixel_rad: float) -> tuple[Rays, np.ndarray]:
+    """Short ways, ways along the limb and rays that miss; and which ones miss."""
+    limb, off = limb_rays(500.0, 2e3, 6e3), limb_rays(1e5, 3e6)
+    beside = rays_to(GEOSTATIONARY_M, np.array([[0.0, 6.4e6, 1e6], [0.0, 6.3e6, 0.0]]))
+    parts = (limb, NEAR[:4], off, beside, NEAR[4:7])
+    misses = np.zeros(14, bool)
+    misses[7:9] = True
+    return (
+        Rays(
+            np.concatenate([part.origin_m for part in parts]),
+            np.concatenate([part.direction for part in parts]),
+            pixel_rad,
+        ),
+        misses,
+    )
