@@ -18,6 +18,9 @@ from .objective import Problem, residuals
 # Of a prior's standard deviation, and of a residual's: a step that changes less is no
 # news beside the noise of either.
 TOLERANCE = 1e-2
+# Of the first step, of the order of the least curvatures of the twin's loss: an
+# undamped one leads far off (docs/decisions.md).
+FIRST_DAMPING = 100.0
 
 
 OnStep = Callable[[int, float], None]
@@ -69,6 +72,9 @@ class Solver:
             eqx.filter_eval_shape(residuals, z, problem),
             None,
             frozenset(),
+        )
+        state = eqx.tree_at(
+            lambda s: s.search_state.step_size, state, jnp.asarray(1 / FIRST_DAMPING)
         )
         self._start, self._static = eqx.partition(state, eqx.is_array)
         step: Any = eqx.filter_jit(self._step)
