@@ -52,7 +52,7 @@ def test_most_starts_find_the_determined_parameters(twin, solver, starts):
     """Geometry and tolerance: as above.
 
     Expectation: at least 6 of 8 starts find the truth. Measured: 6; the other two end
-    far off, with losses that give them away (docs/decisions.md).
+    in minima beside it, with losses that give them away (docs/decisions.md).
     """
     solutions = [solver(twin.problem, z) for z in starts]
     found = [s.converged and _error(twin, s) < 0.02 for s in solutions]
