@@ -12,6 +12,7 @@ from .errors import DataError
 
 
 _START, _END = b"GRIB", b"7777"
+_EDITIONS = (b"\1", b"\2")
 # Spaces, line ends, control characters and zeros: what transfers and disks add.
 _PADDING = bytes(range(33)) + b"\x7f\xff"
 # Bulletins of weather services put a line or two before a message.
@@ -44,12 +45,25 @@ def message_offsets(path: Path) -> tuple[int, ...]:
         ) from error
 
 
+def is_grib(path: Path) -> bool:
+    """Tell by its first bytes whether a file begins with a message, or its heading."""
+    with path.open("rb") as stream:
+        content = stream.read(_LONGEST_HEADING + _HEAD)
+    start = content.find(_START)
+    if start < 0:
+        return False
+    # Of a text that speaks of GRIB no byte is 1 or 2.
+    known = content[start + 7 : start + 8] in _EDITIONS
+    return start == 0 or (known and _is_heading(content[:start]))
+
+
 def _offsets(path: Path, content: mmap.mmap) -> Iterator[int]:
     size, end, number = len(content), 0, 0
     while (start := content.find(_START, end)) >= 0:
-        _require_heading(path, content[end:start], end)
+        if not _is_heading(content[end:start]):
+            raise DataError(_not_grib(path, end))
         head = content[start : start + _HEAD]
-        if head[7:8] not in (b"", b"\1", b"\2"):
+        if head[7:8] not in (b"", *_EDITIONS):
             raise DataError(_not_grib(path, start if number else 0))
         number += 1
         length = _length(content, start) if len(head) == _HEAD else _HEAD
@@ -69,12 +83,12 @@ def _offsets(path: Path, content: mmap.mmap) -> Iterator[int]:
         raise DataError(_not_grib(path, end))
 
 
-def _require_heading(path: Path, between: bytes, position: int) -> None:
+def _is_heading(between: bytes) -> bool:
+    """Tell whether it is a heading or padding, of any length."""
     if not between.strip(_PADDING):
-        return
+        return True
     text = all(byte < 128 for byte in between)
-    if len(between) > _LONGEST_HEADING or not text or _END in between:
-        raise DataError(_not_grib(path, position))
+    return len(between) <= _LONGEST_HEADING and text and _END not in between
 
 
 def _not_grib(path: Path, position: int) -> str:

@@ -13,6 +13,7 @@ from .abi import bands_of, read_band
 from .abi_name import SAME_SCAN, AbiName, parse_abi_name
 from .abi_scene import AbiScene
 from .errors import DataError
+from .grib_messages import is_grib
 from .manifest import MANIFEST
 from .packed import netcdf_file
 
@@ -92,8 +93,9 @@ def open_folder(path: str | PathLike[str]) -> SceneFolder:
     # Those of macOS that begin with "._" have the names of others, not their content.
     shown = [file for file in files if not file.name.startswith(".")]
     abi, unreadable = _abi_files(shown)
+    # Told by content: GFS calls its files gfs.t12z.pgrb2.0p25.f000.
     weather = tuple(
-        file for file in shown if not {file} & {*abi, *unreadable} and _is_grib(file)
+        file for file in shown if not {file} & {*abi, *unreadable} and is_grib(file)
     )
     settings = [file for file in shown if file.name == SETTINGS]
     used = {*abi, *weather, *settings}
@@ -168,12 +170,6 @@ def _and_what_is_broken(files: list[Path]) -> str:
     if not files:
         return ""
     return f" ({', '.join(file.name for file in files)} cannot be read)"
-
-
-def _is_grib(file: Path) -> bool:
-    # by content: GFS files are commonly called gfs.t12z.pgrb2.0p25.f000
-    with file.open("rb") as stream:
-        return stream.read(4) == b"GRIB"
 
 
 def _only_scan(path: Path, abi: dict[Path, AbiName]) -> AbiName | None:

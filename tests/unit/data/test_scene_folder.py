@@ -133,6 +133,17 @@ def test_files_of_many_bands_tell_which(tmp_path):
     assert list(open_folder(tmp_path).bands) == [2, 13]
 
 
+def test_weather_is_told_by_its_first_message(folder):
+    """Behind the heading of a bulletin too; texts may speak of GRIB."""
+    heading = b"\r\r\n018 \r\r\nYUQA85 KWBC 271800\r\r\n"
+    (folder / "bulletin").write_bytes(heading + b"GRIB\0\1\2\1 and so on")
+    (folder / "second.grib2").write_bytes(b"\n\nGRIB\xff\xff\0\2 and so on")
+    (folder / "README").write_text("The GRIB files are those of the hour.")
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0GRIB\0\1\2\1")
+    found = [file.name for file in open_folder(folder).weather]
+    assert found == ["bulletin", "second.grib2"]
+
+
 def test_strangers_do_not_spoil_a_scene(folder):
     name = open_folder(folder).bands[13].name
     (folder / f"._{name}").write_bytes(b"\0\5\x16\7\0\2\0\0Mac OS X")
