@@ -11,7 +11,7 @@ A source answers four questions, in this order:
 4. `branch`: the same ways as in 2, but along a secondary ray, for shadows.
 
 Masks, winds and whatever else says where the clouds of a source are belong to the
-source. One test runs over all sources (tests/unit/test_source_contract.py).
+source. The same tests run over all sources (tests/unit/source_contract).
 """
 
 import abc
