@@ -4,19 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from cloudjax import (
-    Band,
-    ClassTexture,
-    CloudClass,
-    Gaussian,
-    Ladder,
-    LatLonGrid,
-    imagery_classes,
-)
+from cloudjax import Band, ClassTexture, CloudClass, Gaussian, Ladder, imagery_classes
 from cloudjax_fit.histogram import quantiles
 from cloudjax_fit.targets import BandStatistics, Target, block_of_pixels
 from cloudjax_scenes import Imagery
-from cloudjax_scenes.background import Background
 from cloudjax_scenes.cloud_rule import CloudRule
 from tests.generated import (
     EARTH_SUN_DISTANCE_AU,
@@ -94,9 +85,7 @@ def small_imagery(
         "latitude_deg": axes[0],
         "longitude_deg": axes[1],
         "fractions": {name: np.full((8, 8), fraction) for name in names},
-        "background": Background(
-            LatLonGrid.from_axes(*axes), {n: sea[n] for n in bands}
-        ),
+        "backgrounds": {n: sea[n] for n in bands},
     }
     return Imagery(**(given | changes))
 

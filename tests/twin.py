@@ -19,7 +19,6 @@ from cloudjax_fit.parameters import Parameter, put_all, with_overrides
 from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.targets import Target
 from cloudjax_scenes import Imagery, SceneFromImagery, simulate_image
-from cloudjax_scenes.background import Background
 from tests.generated import default_calibration, window, write_abi_l1b
 
 
@@ -100,12 +99,11 @@ def _weather(folder: Path, seed: int) -> Imagery:
         for name in first.fractions
     }
     sea = {1: 0.10, 3: 0.03, 13: 289.0}
-    radiance = {
-        b: np.full(SHAPE, default_calibration(b).radiance(np.array([sea[b]])).item())
+    backgrounds = {
+        b: np.full(shape, default_calibration(b).radiance(np.array([sea[b]])).item())
         for b in first.bands
     }
-    background = Background(first.grid, radiance)
-    return replace(first, fractions=fractions, background=background)
+    return replace(first, fractions=fractions, backgrounds=backgrounds)
 
 
 def _smooth(rng: np.random.Generator, shape) -> np.ndarray:
@@ -133,7 +131,7 @@ def _noise(calibration) -> float:
 def _with_weather(seen: Target, weather: Imagery) -> Target:
     imagery = replace(
         seen.imagery,
-        background=weather.background,
+        backgrounds=weather.backgrounds,
         fractions=weather.fractions,
         latitude_deg=weather.latitude_deg,
         longitude_deg=weather.longitude_deg,

@@ -3,18 +3,16 @@
 import dataclasses
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from cloudjax import Band, Ellipsoid, FixedGrid, LatLonGrid
+from cloudjax import Band, Ellipsoid, FixedGrid
 from cloudjax.light.bands import PLANCK
 from cloudjax_data import DataError, earth_sun_distance_au
 from cloudjax_data.whole_files import staged
-from cloudjax_scenes.background import Background
 from cloudjax_scenes.cloud_rule import CloudRule
 from cloudjax_scenes.imagery import Imagery
 from cloudjax_scenes.netcdf import write_netcdf
@@ -24,8 +22,6 @@ from .targets import BandStatistics, Target
 
 
 _KIND = "cloudjax fit target"
-# Scan angles of a background, which may be of fewer and larger pixels than the scene.
-_Y, _X = "background_y", "background_x"
 
 
 def write_target(path: str | os.PathLike[str], target: Target) -> None:
@@ -109,17 +105,16 @@ def _band_dataset(target: Target, number: int) -> xr.Dataset:
     imagery, known = target.imagery, target.statistics[number]
     band, table = imagery.bands[number], known.quantiles
     solar = {"solar_irradiance": band.solar_irradiance} if band.sunlit else {}
-    axes, coordinates = _axes(imagery.background.grid)
     return xr.Dataset(
         {
             "quantile": ("probability", table.values.astype(np.float32)),
             "block_counts": (("block", "bin"), _counts(known.block_counts)),
             "background": (
-                axes,
-                imagery.background.radiance[number].astype(np.float32),
+                ("latitude", "longitude"),
+                imagery.backgrounds[number].astype(np.float32),
             ),
         },
-        coords={"probability": table.probabilities} | coordinates,
+        coords={"probability": table.probabilities},
         attrs={
             "band": band.number,
             "wavelength_um": band.wavelength_um,
@@ -131,29 +126,6 @@ def _band_dataset(target: Target, number: int) -> xr.Dataset:
         | solar
         | {f"coefficient_{k}": v for k, v in imagery.coefficients(number).items()},
     )
-
-
-def _axes(grid: LatLonGrid | FixedGrid) -> tuple[tuple[str, str], dict]:
-    """The dimensions of backgrounds, and the coordinates that the root lacks."""
-    if isinstance(grid, LatLonGrid):
-        return ("latitude", "longitude"), {}
-    axes = {_Y: grid.y_rad, _X: grid.x_rad}
-    return (_Y, _X), {n: (n, angles, {"units": "rad"}) for n, angles in axes.items()}
-
-
-def _background(
-    grid: FixedGrid, root: xr.Dataset, groups: Mapping[int, xr.Dataset]
-) -> Background:
-    radiance = {
-        n: data["background"].to_numpy().astype(float) for n, data in groups.items()
-    }
-    some = next(iter(groups.values()))["background"]
-    if _X in some.dims:
-        x_rad, y_rad = (some[axis].to_numpy() for axis in (_X, _Y))
-        return Background(replace(grid, x_rad=x_rad, y_rad=y_rad), radiance)
-    # On the cells of the fractions, as in files of earlier versions.
-    axes = (root[axis].to_numpy() for axis in ("latitude", "longitude"))
-    return Background(LatLonGrid.from_axes(*axes), radiance)
 
 
 def _target(tree: xr.DataTree) -> Target:
@@ -174,19 +146,18 @@ def _imagery(a, root: xr.Dataset, groups: Mapping[int, xr.Dataset]) -> Imagery:
     time = time.replace(tzinfo=time.tzinfo or UTC)
     # Absent from files of earlier versions.
     distance_au = float(a.get("earth_sun_distance_au", earth_sun_distance_au(time)))
-    grid = FixedGrid(
-        x_rad=root["x"].to_numpy(),
-        y_rad=root["y"].to_numpy(),
-        subsatellite_longitude_deg=float(a["subsatellite_longitude_deg"]),
-        perspective_height_m=float(a["perspective_height_m"]),
-        ellipsoid=Ellipsoid(float(a["semi_major_m"]), float(a["semi_minor_m"])),
-        sweep=a["sweep"],
-    )
     return Imagery(
         name=str(a["name"]),
         platform=str(a["platform"]),
         time=time,
-        grid=grid,
+        grid=FixedGrid(
+            x_rad=root["x"].to_numpy(),
+            y_rad=root["y"].to_numpy(),
+            subsatellite_longitude_deg=float(a["subsatellite_longitude_deg"]),
+            perspective_height_m=float(a["perspective_height_m"]),
+            ellipsoid=Ellipsoid(float(a["semi_major_m"]), float(a["semi_minor_m"])),
+            sweep=a["sweep"],
+        ),
         rule=_rule(_prefixed(a, "rule_")),
         bands={n: _band(data.attrs, distance_au) for n, data in groups.items()},
         earth_sun_distance_au=distance_au,
@@ -196,7 +167,9 @@ def _imagery(a, root: xr.Dataset, groups: Mapping[int, xr.Dataset]) -> Imagery:
             str(name): root["fraction"].sel(cloud_class=name).to_numpy().astype(float)
             for name in root["cloud_class"].to_numpy()
         },
-        background=_background(grid, root, groups),
+        backgrounds={
+            n: data["background"].to_numpy().astype(float) for n, data in groups.items()
+        },
     )
 
 

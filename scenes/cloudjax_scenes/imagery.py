@@ -12,7 +12,6 @@ from jaxtyping import Float
 
 from cloudjax import Band, FixedGrid
 
-from .background import Background
 from .cloud_rule import CloudRule
 
 
@@ -27,9 +26,9 @@ class Imagery:
     - `rule`: which pixels count as cloud.
     - `bands`: by number. Band 7 sees the sun by day only.
     - `earth_sun_distance_au`: of the date.
-    - `latitude_deg`, `longitude_deg`: of the grid of fractions.
+    - `latitude_deg`, `longitude_deg`: of the grid of fractions and backgrounds.
     - `fractions`: of the sky covered by each class of cloud, as seen past those above.
-    - `background`: radiance without cloud.
+    - `backgrounds`: radiance without cloud, by band.
     - `notes`: sentences on what had to be assumed.
     """
 
@@ -43,7 +42,7 @@ class Imagery:
     latitude_deg: Float[np.ndarray, " lat"]
     longitude_deg: Float[np.ndarray, " lon"]
     fractions: dict[str, Float[np.ndarray, "lat lon"]]
-    background: Background
+    backgrounds: dict[int, Float[np.ndarray, "lat lon"]]
     notes: tuple[str, ...] = ()
 
     @property

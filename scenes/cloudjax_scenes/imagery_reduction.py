@@ -21,8 +21,7 @@ from cloudjax_data import (
 )
 from cloudjax_data.plain_path import printable
 
-from .assumed_ground import assumed_background
-from .background import Background, observed_background
+from .assumed_ground import assumed_backgrounds
 from .cloud_rule import CloudRule, default_rule
 from .daylight import LOWEST_SUN_DEG
 from .imagery import Imagery
@@ -30,8 +29,8 @@ from .surface import STANDARD_K, Surface
 
 
 # Cells of the grid of fractions are this many pixels wide, and no narrower than this.
-CELL_PIXELS = 3
-CELL_DEG = 0.03
+CELL_PIXELS = 8
+CELL_DEG = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +90,7 @@ def reduce_scene(
     window = kelvin.get(rule.cold_band) if rule.cold_band else None
     classes = imagery_classes() if classes is None else classes
     known = {n: _band(band, day) for n, band in scene.bands.items()}
-    background, notes = _background(scene, cells, good & ~cloud, known, weather)
+    backgrounds, notes = _backgrounds(scene, cells, good & ~cloud, known, weather)
     imagery = Imagery(
         name=_folder(scene),
         platform=scene.platform,
@@ -103,7 +102,7 @@ def reduce_scene(
         latitude_deg=cells.latitude_deg,
         longitude_deg=cells.longitude_deg,
         fractions=_class_fractions(cells, grid, good, cloud, window, classes),
-        background=background,
+        backgrounds=backgrounds,
         notes=(*scene.notes, *notes),
     )
     return ReducedScene(imagery, images, good, cloud)
@@ -270,15 +269,17 @@ def _fraction(cells, grid, altitude_m, good, cloud) -> Float[np.ndarray, "lat lo
     return np.clip(cells.mean(latitude[use], longitude[use], covered), 0, 1)
 
 
-def _background(
+def _backgrounds(
     scene: AbiScene, cells: _Cells, clear, bands: Mapping[int, Band], weather
-) -> tuple[Background, tuple[str, ...]]:
-    """What is seen without clouds, and sentences on what had to be assumed."""
+) -> tuple[dict[int, Float[np.ndarray, "lat lon"]], tuple[str, ...]]:
+    """What is seen without clouds, by band, and sentences on what had to be assumed."""
     if clear.any():
-        radiance = {number: band.radiance for number, band in scene.bands.items()}
-        reflectance, _ = _shown(scene)
-        return observed_background(scene.grid, clear, radiance, reflectance), ()
-    ground = assumed_background(
+        found = {
+            n: _background(cells, scene.grid, clear, band.radiance)
+            for n, band in scene.bands.items()
+        }
+        return found, ()
+    ground = assumed_backgrounds(
         bands,
         Surface.of(weather),
         earth_sun_distance_au(scene.time),
@@ -295,6 +296,14 @@ def _background(
         f"No pixel is clear: the ground is that of the table of land and sea, at {warm}"
         ", and not observed.",
     )
+
+
+def _background(cells, grid, clear, radiance) -> Float[np.ndarray, "lat lon"]:
+    """What the clear pixels show, on the grid of the cells."""
+    values = np.asarray(radiance, np.float64).reshape(-1)
+    ground, hit = grid.rays().ground()
+    use = hit & clear.reshape(-1)
+    return cells.mean(ground.latitude_deg[use], ground.longitude_deg[use], values[use])
 
 
 def _band(band: AbiBand, day: bool) -> Band:

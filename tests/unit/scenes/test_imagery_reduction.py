@@ -42,7 +42,7 @@ def test_clouds_are_placed_where_they_are_and_not_where_they_are_seen(
     """A line of sight at z degrees from the vertical meets the ground h tan(z) behind
     the cloud: away from the satellite, of which the cloud's own place is nearer.
 
-    Tolerance: 1.5 km, for the cells are 10 km wide.
+    Tolerance: 1.5 km, for the cells are 22 km wide.
     """
     image = np.full(SHAPE, SEA_K)
     image[BLOCK] = kelvin
@@ -71,8 +71,8 @@ def _block_pixels():
 
 def _middle_of(imagery, name):
     fraction = imagery.fractions[name]
-    # The sky around has none; cells that hardly have any are smoothing, or outside.
-    fraction = np.where(fraction > 0.05, fraction, 0)
+    # The sky around has none; cells that hardly have any are smoothing.
+    fraction = np.where(fraction > 0.01, fraction, 0)
     φ, λ = np.meshgrid(imagery.latitude_deg, imagery.longitude_deg, indexing="ij")
     weight = fraction * np.cos(np.radians(φ))
     return (weight * φ).sum() / weight.sum(), (weight * λ).sum() / weight.sum()
@@ -125,18 +125,17 @@ def test_low_cloud_covers_a_share_of_what_high_cloud_leaves_free(tmp_path):
 
 
 def test_the_ground_is_that_of_the_clear_pixels(tmp_path):
-    """Clear pixels of 279 and 289 K in halves, as they are, and under cloud between
-    them what is next to it."""
+    """Clear pixels of 280 and 290 K in halves, under cloud that is not averaged in."""
     image = np.full(SHAPE, 289.0)
     image[:, 1::2] = 235.0
     image[:, :50:2] = 279.0
     imagery = _reduced(tmp_path / "scene", image)
-    assert imagery.background.grid == imagery.grid
     west, east = (
         default_calibration(13).radiance(np.array([k]))[0] for k in (279.0, 289.0)
     )
-    found = imagery.background.radiance[13]
-    np.testing.assert_allclose(found[:, :50:2], west, rtol=1e-3)
-    np.testing.assert_allclose(found[:, 50::2], east, rtol=1e-3)
-    np.testing.assert_allclose(found[:, 1:48:2], west, rtol=1e-3)
-    np.testing.assert_allclose(found[:, 53::2], east, rtol=1e-3)
+    row = len(imagery.latitude_deg) // 2
+    clear = imagery.backgrounds[13][row]
+    # Some cells away from the edge between them, and from those without pixels.
+    assert clear.min() == pytest.approx(west, rel=0.01)
+    assert clear.max() == pytest.approx(east, rel=0.01)
+    assert clear[: len(clear) // 3].mean() < clear[-len(clear) // 3 :].mean()
