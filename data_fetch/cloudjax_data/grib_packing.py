@@ -68,7 +68,7 @@ def _require_values_2(content: Mapping[int, bytes], points: int) -> None:
 
 
 def _pixels_of_jpeg(data: bytes, _bits: int) -> int:
-    """Pixels of an image that begins with its size, as JPEG 2000 does, in one colour."""
+    """Pixels of an image of one colour, as JPEG 2000 begins with them."""
     right, lower, left, upper = (_number(data, at, 4) for at in (8, 12, 16, 20))
     return (right - left) * (lower - upper) if _number(data, 40, 2) == 1 else 0
 

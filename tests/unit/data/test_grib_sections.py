@@ -5,6 +5,8 @@ it asks eccodes.
 """
 
 import itertools as it
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -200,3 +202,43 @@ def test_bits_of_edition_1_must_fill_their_message(tmp_path, bits):
     spoil(path, 4, 10, bits)
     with pytest.raises(DataError, match="values of 't' at level 500 do not fill"):
         read(path)
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "colours", "reads"),
+    [(12, 5, 0, True), (12, 6, 0, False), (13, 5, 0, False), (12, 5, 3, False)],
+)
+def test_an_image_of_png_must_have_the_size_of_the_grid(
+    tmp_path, columns, rows, colours, reads
+):
+    path = write(tmp_path / "w.grib")
+    (message, _) = messages(path)
+    at = {number: start for number, start, _ in sections(message)}
+    packing = bytearray(message[at[5] : at[6]])
+    packing[9:11], packing[19] = (41).to_bytes(2), 16
+    # With no scale: the value is the reference, and the whole number of the pixel.
+    packing[11:19] = struct.pack(">fHH", 5.0, 0, 0)
+    data = _png(columns, rows, colours)
+    parts = [packing, message[at[6] : at[7]], (len(data) + 5).to_bytes(4), b"\7", data]
+    spoilt = b"".join([message[: at[5]], *parts, b"7777"])
+    path.write_bytes(spoilt[:8] + len(spoilt).to_bytes(8) + spoilt[16:])
+    if reads:
+        np.testing.assert_allclose(read(path)[0].ravel(), 5 + np.arange(60), atol=1e-4)
+        return
+    with pytest.raises(DataError, match="values of 'u' at level 500 do not fill"):
+        read(path)
+
+
+def _png(columns, rows, colours):
+    """An image of 0, 1, 2 ... in 16 bits, row by row."""
+    lines = np.arange(columns * rows, dtype=">u2").reshape(rows, columns)
+    head = struct.pack(">IIBBBBB", columns, rows, 16, colours, 0, 0, 0)
+    packed = zlib.compress(b"".join(b"\0" + line.tobytes() for line in lines))
+    chunks = (b"IHDR", head), (b"IDAT", packed), (b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        len(content).to_bytes(4)
+        + kind
+        + content
+        + zlib.crc32(kind + content).to_bytes(4)
+        for kind, content in chunks
+    )
