@@ -52,6 +52,9 @@ def _require_values_2(content: Mapping[int, bytes], points: int) -> None:
     packing, bitmap, data = content[5], content[6], content[7][5:]
     if bitmap[5] == _FOLLOWS:
         points = _marked(bitmap[6:], points)
+    if not points:
+        # Some count one value where there is none.
+        return
     values, template = _number(packing, 5, 4), _number(packing, 9, 2)
     if bitmap[5] in (_FOLLOWS, _NONE) and values != points:
         raise BrokenMessageError
