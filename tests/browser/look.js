@@ -1,12 +1,14 @@
 // Opens a page in a headless Chromium, takes a picture of its canvas, and prints as
 // JSON what was asked of the network, what errors were told, memory and seconds.
 //
-// node look.js PAGE PICTURE.png [VIEW [WIDTH HEIGHT]]: VIEW is the number of a viewpoint.
+// node look.js PAGE PICTURE.png VIEW WIDTH HEIGHT: PAGE is a file or an address of this
+// machine, VIEW the number of a viewpoint.
 const puppeteer = require("puppeteer-core");
 const { pathToFileURL } = require("url");
 
 const [file, picture, view, width, height] = process.argv.slice(2);
-const size = { width: Number(width || 800), height: Number(height || 600) };
+const size = { width: Number(width), height: Number(height) };
+const address = /^http:/.test(file) ? file : pathToFileURL(file).href;
 
 function pause(ms) {
   return new Promise((done) => setTimeout(done, ms));
@@ -30,7 +32,8 @@ function pause(ms) {
     const asked = [];
     const errors = [];
     page.on("request", (request) => {
-      if (!/^(file|data|blob):/.test(request.url())) asked.push(request.url());
+      const inside = /^(file:|data:|blob:|http:\/\/127\.0\.0\.1[:/])/;
+      if (!inside.test(request.url())) asked.push(request.url());
     });
     page.on("pageerror", (error) => errors.push(String(error)));
     page.on("console", (message) => {
@@ -39,14 +42,14 @@ function pause(ms) {
       }
     });
     const start = Date.now();
-    await page.goto(pathToFileURL(file).href, { waitUntil: "load", timeout: 600000 });
+    await page.goto(address, { waitUntil: "load", timeout: 600000 });
     // Two frames drawn after the scene is there.
     await page.waitForFunction("window.skyIsReady && window.skyIsReady()", {
       timeout: 600000,
       polling: 250,
     });
     const seconds = (Date.now() - start) / 1000;
-    if (view) await page.evaluate((n) => window.showView(n), Number(view));
+    await page.evaluate((n) => window.showView(n), Number(view));
     await pause(Number(process.env.PAUSE || 4000));
     await page.addStyleTag({
       content: "#about, #views, .x3dom-progress { display: none !important }",

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from cloudjax.geometry.geodesy import east_north_up, geodetic
 
@@ -75,7 +74,9 @@ def scene_element(sky: Sky, *, geographic: bool = False) -> ET.Element:
         speed=_number(sky.box.size_m / 10),
         type='"EXAMINE" "FLY" "ANY"',
         headlight="false",
-        visibilityLimit="0",
+        # Between them viewers draw: planes as near and as far as a flight needs.
+        avatarSize=f"{_number(sky.box.size_m / 2000)} 1.6 0.75",
+        visibilityLimit=_number(sky.box.size_m * 20),
     )
     ET.SubElement(scene, "Background", skyColor="0.36 0.53 0.78")
     _viewpoints(scene, sky, geographic)
@@ -142,7 +143,7 @@ def _viewpoints(scene: ET.Element, sky: Sky, geographic: bool) -> None:
                 description=name,
                 orientation=_rotation(azimuth, elevation),
                 position=_numbers(eye @ _AXES.T),
-                centerOfRotation=_numbers([0, sky.top_m / 2, 0]),
+                centerOfRotation=_numbers([0.0, sky.top_m / 2, 0.0]),
             )
 
 
@@ -313,7 +314,5 @@ def _number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def _numbers(
-    values: Float[np.ndarray, " n"] | Sequence[float], form: str = ".1f"
-) -> str:
+def _numbers(values: np.ndarray | Sequence[float], form: str = ".1f") -> str:
     return " ".join(format(float(v), form) for v in values)

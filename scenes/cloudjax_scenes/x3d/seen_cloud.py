@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from cloudjax import BandRadiances, Scene, look
 from cloudjax.geometry.rays import Rays
@@ -115,7 +115,7 @@ def _march(scene: Scene, picture: Picture, sun, share: float, index, filled):
     return (index[ray], place, depth), images
 
 
-def _seen(scene: Scene, view: View, power: float):
+def _seen(scene: Scene, view: View, power: Float[Array, ""] | float):
     """Reflectance factors with and without cloud, opacity, transmittance per step."""
     bands, cloudy, clear = scene.reflective, radiances(scene, view), _clear(scene, view)
     assert bands is not None
@@ -129,7 +129,7 @@ def _seen(scene: Scene, view: View, power: float):
 
 # Compiled apart from the radiances: together XLA takes minutes longer.
 @jax.jit
-def _through(scene: Scene, view: View, power: float):
+def _through(scene: Scene, view: View, power: Float[Array, ""] | float):
     """Transmittance from the entry of each way to the end of each step."""
     share = cloud_share(scene, view.samples, view.layer_of)[:, None]
     return [

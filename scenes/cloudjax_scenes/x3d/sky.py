@@ -41,7 +41,7 @@ class ExportSettings:
     **Fields:**
 
     - `boards`: at most, at the finest level of detail and for each sector.
-    - `pixels`: of all boards together, across the box; by default as many as a dozen
+    - `pixels`: of all boards together, across the box; by default as many as eight
       for each board along each axis, were they side by side.
     - `azimuths`: sectors around the sky, besides the one from above.
     - `coarser`: of each level of detail, pixels that become one.
@@ -70,7 +70,7 @@ class ExportSettings:
         """Pixels across the box."""
         if self.pixels is not None:
             return self.pixels
-        return int(np.clip(12 * math.sqrt(self.boards) // 8 * 8, 128, 768))
+        return int(np.clip(8 * math.sqrt(self.boards) // 8 * 8, 64, 768))
 
 
 @dataclass(frozen=True, eq=False)

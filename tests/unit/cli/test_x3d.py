@@ -1,0 +1,68 @@
+"""`cloudjax x3d`: what is refused, and that nothing is left then."""
+
+import pytest
+
+from cloudjax_scenes.x3d import export
+from tests.commands import run, sentence_of
+from tests.x3d_files import SMALL, write_model
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return write_model(tmp_path_factory.mktemp("model"))
+
+
+def _run(model, folder, *options):
+    small = "--size-km", 30, *SMALL
+    of = "--wrf", model, "--place", "20,-80"
+    return run("x3d", *of, *small, *options, "-o", folder)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--boards", 1), "give --boards 2 or more"),
+        (("--boards", 0), "boards = 0"),
+        (("--centre", "-40,60"), "no cloud in the box"),
+        (("--centre", "nan,60"), "is no place"),
+        (("--centre", "here"), "is not a latitude and a longitude"),
+        (("--size-km", "nan"), "A box of nan km"),
+        (("--size-km", 1e5), "A box of 100000 km"),
+        (("--pixels", 3), "pixels = 3"),
+        (("--sun", "10,-5"), "lights no cloud"),
+        (("--sun", "nan,20"), "is not an azimuth"),
+        (("--viewer", "nowhere/x3dom.js"), "is no file"),
+        (("--weather", "x.grib2"), "give one"),
+        (("--parameters", "x.toml"), "leave out --parameters"),
+        (("--classes", "x.toml"), "leave out --classes"),
+    ],
+)
+def test_bad_input_ends_in_a_sentence_and_leaves_nothing(
+    model, tmp_path, options, said
+):
+    assert said in sentence_of(_run(model, tmp_path / "sky", *options))
+    assert not list(tmp_path.rglob("*"))
+
+
+def test_a_folder_that_is_a_file_is_refused(model, tmp_path):
+    (tmp_path / "sky").write_text("")
+    assert "is a file" in sentence_of(_run(model, tmp_path / "sky"))
+
+
+def test_weather_needs_a_place(tmp_path):
+    said = sentence_of(run("x3d", "--weather", "x.grib2", "-o", tmp_path / "sky"))
+    assert "--centre" in said
+    assert "--weather" in sentence_of(run("x3d", "-o", tmp_path / "sky"))
+
+
+def test_what_breaks_off_does_not_look_whole(model, tmp_path, monkeypatch):
+    def full(sky, *, geographic=False):
+        raise OSError(28, "No space left on device")
+
+    folder = tmp_path / "sky"
+    folder.mkdir()
+    for name in ("manifest.json", "scene.x3d"):
+        (folder / name).write_text("of an earlier run")
+    monkeypatch.setattr(export, "document", full)
+    assert "No space left" in sentence_of(_run(model, folder))
+    assert not [p.name for p in folder.iterdir() if p.is_file()]
