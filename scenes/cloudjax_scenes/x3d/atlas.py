@@ -46,6 +46,9 @@ def atlas_of(boards: Boards, colours: UInt8[np.ndarray, "rows columns 3"]) -> At
 
     **Raises:** `DataError` where they do not fit.
     """
+    if not boards.boards:
+        # All cloud is thinner than a byte can tell.
+        return Atlas(np.zeros((1, 1, 4), np.uint8), np.zeros((0, 2), int))
     sizes = np.array([board.alpha.shape for board in boards.boards]) + 2 * _MARGIN
     width = _width(sizes)
     corners, height = _shelves(sizes, width)

@@ -56,6 +56,8 @@ def board_meshes(
     boards: Boards, atlas: Atlas, tiles: Tiles
 ) -> Iterator[tuple[int, Mesh]]:
     """Give the tiles that have boards, each with its boards from back to front."""
+    if not boards.boards:
+        return
     quads, inside = _quads(boards), atlas.inside(boards)
     middles = np.array([board.middle_m for board in boards.boards])
     numbers = tiles.numbers(middles @ boards.picture.sector.axes)

