@@ -1,5 +1,7 @@
 """`cloudjax x3d`: what is refused, and that nothing is left then."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from cloudjax_scenes.x3d import export
@@ -65,6 +67,8 @@ def test_what_breaks_off_does_not_look_whole(model, tmp_path, monkeypatch):
     folder.mkdir()
     for name in ("manifest.json", "scene.x3d"):
         (folder / name).write_text("of an earlier run")
+    made = SimpleNamespace(sky=None, images={"textures/up.png": b""}, manifest={})
+    monkeypatch.setattr(export, "make_sky", lambda *_: made)
     monkeypatch.setattr(export, "document", full)
     assert "No space left" in sentence_of(_run(model, folder))
     assert not [p.name for p in folder.iterdir() if p.is_file()]
