@@ -56,7 +56,8 @@ class SeenCloud:
     @property
     def column_depth(self) -> Float[np.ndarray, " rays"]:
         """Optical depth of the box along each ray."""
-        return np.bincount(self.ray, self.depth, len(self.opacity))
+        # Of nothing at all numpy counts whole numbers.
+        return np.bincount(self.ray, self.depth, len(self.opacity)).astype(float)
 
 
 def near_by(scene: Scene) -> Scene:

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cloudjax_scenes.x3d import export
+from cloudjax_scenes.x3d import export, sights
 from tests.commands import run, sentence_of
 from tests.scenes import NIGHT, write_scene
 from tests.weather_scenes import NOON
@@ -91,19 +91,22 @@ def asked(monkeypatch):
     return found
 
 
-def test_weather_reaches_the_boards(weather_folder, tmp_path, asked):
+def test_weather_reaches_the_boards(weather_folder, tmp_path, asked, monkeypatch):
+    def sight_of_weather(*given):
+        asked["given"] = given
+
+    monkeypatch.setattr(sights, "sight_of_weather", sight_of_weather)
     files = [weather_folder / name for name in ("gfs.grib2", "classes.toml")]
     given = "--weather", files[0], "--classes", files[1], "--centre", "20,-80"
-    run("x3d", *given, "--boards", 7, "--seed", 3, "-o", tmp_path / "sky")
-    sight = asked["sight"]
-    assert [layer.name for layer in sight.scene.layers] == ["low", "high"]
-    assert (sight.time, sight.box.size_m) == (NOON, 50e3)
-    assert sight.sources == ("gfs.grib2",)
-    assert (asked["settings"].boards, asked["settings"].seed) == (7, 3)
-    # Of noon in Greenwich's afternoon, from the south-east.
-    assert 90 < sight.sun_deg[0] < 270
+    run("x3d", *given, "--seed", 3, "-o", tmp_path / "sky")
+    world, box, time, sun = asked["given"]
+    assert list(world.classes) == ["low", "high"]
+    assert (world.seed, world.sources) == (3, ("gfs.grib2",))
+    assert (box.latitude_deg, box.longitude_deg, box.size_m) == (20, -80, 50e3)
+    assert (time, sun) == (NOON, None)
 
 
+@pytest.mark.slow
 def test_a_scene_of_imagery_reaches_the_boards(tmp_path, asked):
     scene = write_scene(tmp_path / "scene")
     run("x3d", scene, "--sun", "90,30", "-o", tmp_path / "sky")
