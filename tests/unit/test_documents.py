@@ -154,7 +154,7 @@ def _check_call(line: str) -> None:
             value = options[name]
             if isinstance(value, click.Option) and not value.is_flag and words:
                 words.pop(0)
-        elif isinstance(command, click.Group) and word.isalpha():
+        elif isinstance(command, click.Group) and word.isalnum():
             assert word in command.commands, f"there is no {word}: {line}"
             command = command.commands[word]
 
