@@ -23,8 +23,8 @@ def write_model(folder: Path) -> Path:
     cloud[1] = 2e-5 * np.exp(-((y - 2) ** 2 + (x - 2) ** 2) / 2)
     cloud[2] = 5e-4 * np.exp(-((y - 8) ** 2 + (x - 8) ** 2) / 2)
     cloud[cloud < 1e-6] = 0
-    shape = {"latitude": np.zeros((ROWS, COLUMNS))}
-    return write_wrf(folder / "wrfout", **shape, QCLOUD=cloud)
+    level = np.zeros((ROWS, COLUMNS))
+    return write_wrf(folder / "wrfout", latitude=level, QCLOUD=cloud)
 
 
 def write_small_sky(folder: Path) -> Path:

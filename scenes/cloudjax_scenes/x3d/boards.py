@@ -67,7 +67,8 @@ def boards_of(picture: Picture, sections: Sections, coarser: int = 1) -> Boards:
     boards = []
     for k in np.argsort(-sections.middle_m[:, 2], kind="stable"):
         start, end = sections.depth.indptr[k : k + 2]
-        rays, depth = sections.depth.indices[start:end], sections.depth.data[start:end]
+        rays = sections.depth.indices[start:end]
+        depth: np.ndarray = sections.depth.data[start:end]
         before = wanted[rays]
         wanted[rays] = before * np.exp(-depth)
         pixels, place = np.unique(to_coarse[rays], return_inverse=True)
