@@ -227,18 +227,20 @@ def _of_layer(sky, cube, cover, classes, omega_sign) -> Fractions:
     """First those classes that claim a part of their own, then the others."""
     found: Fractions = {}
     weights = {
-        name: np.asarray(evidence_of(one).weight(sky.quantities))
-        * _table1_weight(cube, one.conditions, omega_sign)
+        name: np.broadcast_to(
+            np.asarray(evidence_of(one).weight(sky.quantities), float)
+            * _table1_weight(cube, one.conditions, omega_sign),
+            cover.shape,
+        )
         for name, one in classes.items()
     }
-    left, claimed = cover, np.zeros_like(cover)
+    left = cover
     for name, one in classes.items():
         claims = evidence_of(one).claims
         if claims:
             asked = sky.quantities[claims] * weights.pop(name)
             found[name] = np.clip(asked, 0, np.asarray(left))
             left = np.asarray(left_by(left, found[name]))
-            claimed = claimed + found[name]
     if weights:
         parts = shared(left, list(weights.values()))
         found |= {n: np.asarray(p, float) for n, p in zip(weights, parts, strict=True)}
