@@ -12,11 +12,12 @@ from .fit import fit
 from .info import info
 from .render import render
 from .report import report
+from .x3d import x3d
 
 
 @click.group(
     cls=OneSentenceGroup,
-    commands=[demo, fetch, info, fit, render, report, doctor],
+    commands=[demo, fetch, info, fit, render, report, x3d, doctor],
     context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
     invoke_without_command=True,
 )

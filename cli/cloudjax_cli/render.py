@@ -103,7 +103,7 @@ def render(target, output, bands, weather, wrf, **options) -> None:
             f"{target} is a scene, whose weather is in its folder: leave out "
             f"--{'weather' if weather else 'wrf'}"
         )
-    _refuse(_OF_SENSORS, options, f"{target} is a scene")
+    refuse(_OF_SENSORS, options, f"{target} is a scene")
     _render_scene(target, path, bands, options)
 
 
@@ -118,7 +118,7 @@ def _writable(output: str) -> Path:
     return path
 
 
-def _refuse(names, options, because: str) -> None:
+def refuse(names, options, because: str) -> None:
     """End with a sentence if one of these options has been given."""
     for name in names:
         # Not "if options[name]": a longitude may be 0.
@@ -158,7 +158,7 @@ def _render_sensor(sensor: str, path: Path, bands, weather, wrf, options) -> Non
     from cloudjax_scenes.band_image import chosen_quantities
     from cloudjax_scenes.sensors import read_sensor
 
-    _refuse(_OF_SCENES, options, f"{sensor} is no folder of a scene")
+    refuse(_OF_SCENES, options, f"{sensor} is no folder of a scene")
     view = read_sensor(
         sensor,
         subsatellite_longitude_deg=options["longitude"],
@@ -175,7 +175,7 @@ def _render_sensor(sensor: str, path: Path, bands, weather, wrf, options) -> Non
         raise click.UsageError(
             f"{sensor} needs clouds: give --weather GFS.grib2 or --wrf WRFOUT"
         )
-    _refuse(("place",), options, "the place of an ideal run is for --wrf")
+    refuse(("place",), options, "the place of an ideal run is for --wrf")
     world = _world(weather, options)
     _render_frames(world, view, chosen, path, options, quantities)
 
@@ -188,7 +188,7 @@ def _render_model(wrf, view, chosen, path: Path, options, quantities) -> None:
     from .progress import tile_progress
 
     own = "clouds of --wrf are the model's own"
-    _refuse(("seed", "classes", "decision"), options, own)
+    refuse(("seed", "classes", "decision"), options, own)
     if options["frames"] > 1:
         raise click.UsageError("--wrf gives one image: leave out --frames")
     frame = open_wrf(wrf).at(options["time"])
@@ -224,8 +224,8 @@ def _render_frames(world, view, chosen, path, options, quantities) -> None:
 
     frames = options["frames"]
     start = options["time"] or world.series.times[0]
-    _require_near(start, world)
-    _require_near(start + timedelta(minutes=(frames - 1) * options["minutes"]), world)
+    require_near(start, world)
+    require_near(start + timedelta(minutes=(frames - 1) * options["minutes"]), world)
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
         file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
         with tile_progress(file.name) as on_tile:
@@ -234,7 +234,7 @@ def _render_frames(world, view, chosen, path, options, quantities) -> None:
         click.echo(f"{file} and {file.with_suffix('.png')}")
 
 
-def _require_near(time: datetime, world) -> None:
+def require_near(time: datetime, world) -> None:
     """Raise `DataError` for a frame hours before or after all weather."""
     from cloudjax_data import DataError
 

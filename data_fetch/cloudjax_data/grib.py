@@ -17,6 +17,8 @@ from jaxtyping import Float32
 from .errors import DataError
 from .grib_grid import GribGrid, grid_of
 from .grib_messages import message_offsets
+from .grib_packing import require_values
+from .grib_sections import BrokenMessageError
 
 
 PRESSURE = "isobaricInhPa"
@@ -244,14 +246,22 @@ class _Message:
 
     def _values(self, grid: GribGrid) -> np.ndarray:
         ec = self._eccodes
+        rows, columns = grid.shape
+        try:
+            require_values(ec.codes_get_message(self._handle), rows * columns)
+        except (BrokenMessageError, IndexError) as error:
+            raise DataError(
+                f"{self.path} is damaged: the values of {self.kind[1]!r} at level "
+                f"{self.level:g} do not fill their message, download it again."
+            ) from error
+        size = ec.codes_get_size(self._handle, "values")
+        if size != rows * columns:
+            raise DataError(
+                f"{self.path} has {size} values on a grid of {rows} by {columns}: it "
+                "is damaged, download it again."
+            )
         ec.codes_set(self._handle, "missingValue", _MISSING)
         values = ec.codes_get_array(self._handle, "values", float)
-        rows, columns = grid.shape
-        if values.size != rows * columns:
-            raise DataError(
-                f"{self.path} has {values.size} values on a grid of {rows} by "
-                f"{columns}: it is damaged, download it again."
-            )
         values = np.where(values == _MISSING, np.nan, values)
         return grid.scan.arranged(values.astype(np.float32), rows, columns)
 

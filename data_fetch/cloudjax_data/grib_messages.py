@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .errors import DataError
+from .grib_sections import BrokenMessageError, message_length, sections
 
 
 _START, _END = b"GRIB", b"7777"
@@ -17,8 +18,6 @@ _EDITIONS = (b"\1", b"\2")
 _PADDING = bytes(range(33)) + b"\x7f\xff"
 # Bulletins of weather services put a line or two before a message.
 _LONGEST_HEADING = 200
-# An older GRIB edition 1 counts longer messages in units of 120 bytes.
-_LONG_GRIB1, _UNIT = 0x800000, 120
 # What says how long a message is.
 _HEAD = 16
 
@@ -66,7 +65,7 @@ def _offsets(path: Path, content: mmap.mmap) -> Iterator[int]:
         if head[7:8] not in (b"", *_EDITIONS):
             raise DataError(_not_grib(path, start if number else 0))
         number += 1
-        length = _length(content, start) if len(head) == _HEAD else _HEAD
+        length = message_length(content, start) if len(head) == _HEAD else _HEAD
         if start + length > size:
             raise DataError(
                 f"{path} is truncated: it ends at byte {size}, within its message "
@@ -78,6 +77,13 @@ def _offsets(path: Path, content: mmap.mmap) -> Iterator[int]:
                 f"{path} is damaged: its message {number}, at byte {start}, does not "
                 "end where it says, download it again."
             )
+        try:
+            sections(content, start, end)
+        except BrokenMessageError as error:
+            raise DataError(
+                f"{path} is damaged: the sections of its message {number}, at byte "
+                f"{start}, do not fit into it, download it again."
+            ) from error
         yield start
     if not number or content[end:].strip(_PADDING):
         raise DataError(_not_grib(path, end))
@@ -98,21 +104,3 @@ def _not_grib(path: Path, position: int) -> str:
         f"{path} has at byte {position} something that is no GRIB message: it is "
         "truncated or damaged, download it again."
     )
-
-
-def _length(content: mmap.mmap, start: int) -> int:
-    """Bytes of a message by its own account."""
-    if content[start + 7] == 2:
-        return int.from_bytes(content[start + 8 : start + 16])
-    length = int.from_bytes(content[start + 4 : start + 7])
-    if not length & _LONG_GRIB1:
-        return length
-    place = start + 8
-    flags = content[place + 7]
-    for present in (True, flags & 0x80, flags & 0x40):
-        if present:
-            place += int.from_bytes(content[place : place + 3])
-    data_length = int.from_bytes(content[place : place + 3])
-    if data_length >= _UNIT:
-        return length
-    return (length - _LONG_GRIB1) * _UNIT - data_length + 4

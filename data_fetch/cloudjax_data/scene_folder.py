@@ -19,6 +19,8 @@ from .packed import netcdf_file
 
 
 SETTINGS = "scene.toml"
+# What some systems and editors make of its name.
+_MEANT = (SETTINGS, f"{SETTINGS}.txt")
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def open_folder(path: str | PathLike[str]) -> SceneFolder:
 
     **Raises:** `DataError` if the folder does not exist, is a file or holds nothing of
     use; if its ABI files are of several scans, sectors or satellites; or if its
-    `scene.toml` is not TOML.
+    `scene.toml` is not TOML or has another name.
     """
     path = Path(path)
     files = _files(path)
@@ -97,7 +99,7 @@ def open_folder(path: str | PathLike[str]) -> SceneFolder:
     weather = tuple(
         file for file in shown if not {file} & {*abi, *unreadable} and is_grib(file)
     )
-    settings = [file for file in shown if file.name == SETTINGS]
+    settings = _settings_files(path)
     used = {*abi, *weather, *settings}
     if not used:
         raise DataError(
@@ -224,8 +226,23 @@ def _products(abi: dict[Path, AbiName]) -> dict[str, Path]:
     }
 
 
+def _settings_files(path: Path) -> list[Path]:
+    """The file of settings, if any; one that is meant for it must not go unread."""
+    found = [file for file in path.iterdir() if file.name.casefold() in _MEANT]
+    exact = path / SETTINGS
+    if found and exact not in found:
+        raise DataError(
+            f"{found[0]} is read by nothing: call it {SETTINGS}, or quite otherwise."
+        )
+    if exact in found and not exact.is_file():
+        raise DataError(f"{exact} is no file of settings: replace or remove it.")
+    return [exact] if exact in found else []
+
+
 def _settings(file: Path) -> dict[str, Any]:
     try:
         return read_toml(file, "settings")
     except TomlError as error:
         raise DataError(str(error)) from error
+    except OSError as error:
+        raise DataError(f"{file} cannot be read: change its permissions.") from error

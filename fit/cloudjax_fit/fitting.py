@@ -135,7 +135,7 @@ def fit(
     best = min((solver(problem, z) for z in starts), key=_merit)
     clock.lap("solve")
     estimates, undetermined = estimate(
-        problem, target, starts[0], jnp.asarray(best.z), seed=settings.seed
+        problem, target, starts[0], best, seed=settings.seed
     )
     clock.lap("uncertainty")
     fitted = put_all(scene, free, values_of(free, jnp.asarray(best.z)))

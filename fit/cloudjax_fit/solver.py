@@ -34,6 +34,7 @@ class Solution:
 
     - `z`: the parameters on the solver's scale.
     - `converged`, `message`: whether it stopped at a minimum, and what it says.
+    - `jacobian`: of the residuals there.
     - `history`: half the sum of squared residuals after each step.
     - `seconds`: of wall time.
     """
@@ -41,6 +42,7 @@ class Solution:
     z: Float[np.ndarray, " parameters"]
     converged: bool
     message: str
+    jacobian: Float[np.ndarray, "residuals parameters"]
     history: tuple[float, ...]
     seconds: float
 
@@ -98,8 +100,16 @@ class Solver:
         if not np.isfinite(loss):
             converged, message = False, "the residuals are not finite"
         seconds = time.perf_counter() - started
-        history = (*losses, loss)
-        return Solution(np.asarray(z), converged, message, history, seconds)
+        ended: Any = eqx.combine(state, self._static)
+        return Solution(
+            np.asarray(z),
+            converged,
+            message,
+            # That of the last accepted point is kept: none has to be compiled.
+            np.asarray(_as_matrix(ended.f_info.jac), float),
+            (*losses, loss),
+            seconds,
+        )
 
     def _in_words(self, converged: bool, steps: int) -> str:
         if converged:
@@ -125,6 +135,9 @@ class Solver:
             sound=(result == optx.RESULTS.successful) & jnp.isfinite(z).all(),
         )
         return found, eqx.filter(state, eqx.is_array), facts
+
+
+_as_matrix = eqx.filter_jit(lambda operator: operator.as_matrix())
 
 
 class _Facts(NamedTuple):

@@ -16,11 +16,13 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .objective import COVERAGE_SCALE, SCALE, Problem, residuals, simulate
+from .objective import COVERAGE_SCALE, SCALE, Problem, simulate
 from .parameters import Parameter, values_of
+from .solver import Solution
 from .targets import Target
 
 
@@ -54,15 +56,14 @@ def estimate(
     problem: Problem,
     target: Target,
     z_start: Float[Array, " parameters"],
-    z_fit: Float[Array, " parameters"],
+    solution: Solution,
     *,
     seed: int,
 ) -> tuple[list[Estimate], list[str]]:
     """Values with standard deviations, and in words what the data do not determine."""
-    jacobian = np.asarray(
-        eqx.filter_jit(jax.jacfwd(residuals))(z_fit, problem), np.float64
-    )
-    covariance = _sandwich(jacobian, _noise(problem, target, z_fit, seed))
+    z_fit = jnp.asarray(solution.z)
+    noise = _noise(problem, target, z_fit, seed)
+    covariance = _sandwich(solution.jacobian, noise)
     start = np.asarray(values_of(problem.parameters, z_start), float)
     value = np.asarray(values_of(problem.parameters, z_fit), float)
     slopes = np.asarray(

@@ -25,6 +25,8 @@ _MARKS = {
     codecs.BOM_UTF16_LE: "UTF-16",
     codecs.BOM_UTF16_BE: "UTF-16",
 }
+# Floats of 32 bits end at 3e38, and their products with others sooner.
+_LARGEST = 1e30
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_finite(value: Any) -> bool:
-    return _is_number(value) and math.isfinite(value)
+    return _is_number(value) and abs(value) <= _LARGEST
 
 
 def is_whole(value: Any) -> bool:
@@ -59,14 +61,19 @@ def is_whole(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-NUMBER = Kind("a finite number", _is_finite)
-ANY_NUMBER = Kind("a number", lambda value: _is_number(value) and value == value)
-POSITIVE = Kind("a positive number", lambda value: _is_finite(value) and value > 0)
+NUMBER = Kind("a finite number, within 1e30", _is_finite)
+ANY_NUMBER = Kind(
+    "a number, within 1e30 or infinite",
+    lambda value: _is_finite(value) or (_is_number(value) and abs(value) == math.inf),
+)
+POSITIVE = Kind(
+    "a positive number, within 1e30", lambda value: _is_finite(value) and value > 0
+)
 WHOLE = Kind("a whole number", is_whole)
 TEXT = Kind("a text", lambda value: isinstance(value, str))
 LIST = Kind("a list", lambda value: isinstance(value, list))
 NUMBERS = Kind(
-    "a list of finite numbers",
+    "a list of finite numbers, within 1e30",
     lambda value: isinstance(value, list) and all(_is_finite(x) for x in value),
 )
 FLAG = Kind("true or false", lambda value: isinstance(value, bool))

@@ -87,7 +87,8 @@ def sections(message: bytes) -> Iterator[tuple[int, int, int]]:
             at += length
         return
     at, flags = 8, message[15]
-    for number in (1, *((2,) if flags & 0x80 else ()), 4):
+    optional = [number for number, flag in ((2, 0x80), (3, 0x40)) if flags & flag]
+    for number in (1, *optional, 4):
         length = int.from_bytes(message[at : at + 3])
         yield number, at, length
         at += length

@@ -25,6 +25,7 @@ VALUES = {
     "huge": "1e308",
     "a huge whole number": "100000000000000000000000000",
     "nothing": "",
+    "beyond all floats": "9" * 400,
     "a number of many digits": "9" * 5000,
     "a deep list": "[" * 3000 + "]" * 3000,
 }

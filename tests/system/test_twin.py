@@ -62,7 +62,7 @@ def test_most_starts_find_the_determined_parameters(twin, solver, starts):
 def _error(twin, solution) -> float:
     """The largest of a determined parameter, relative to the truth."""
     z = jnp.asarray(solution.z)
-    estimates, _ = estimate(twin.problem, twin.target, z, z, seed=0)
+    estimates, _ = estimate(twin.problem, twin.target, z, solution, seed=0)
     determined = np.array([e.determined for e in estimates])
     assert determined.sum() >= 8
     values = np.asarray(values_of(twin.parameters, z))

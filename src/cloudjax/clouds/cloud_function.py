@@ -63,7 +63,7 @@ class CloudFunction(eqx.Module):
         below, above = self._barriers(altitude_m)
         return fractal + self.mask_gain * mask - below - above - self.threshold
 
-    def amplitudes(self, ladders: tuple[Ladder, ...]) -> list[Float[Array, ""]]:
+    def amplitudes(self, ladders: tuple[Ladder, ...]) -> Float[Array, " rungs"]:
         """Return the amplitude a_o of each rung."""
         return amplitudes(ladders, self.weights, self.persistences, self.gains)
 
@@ -80,11 +80,8 @@ class CloudFunction(eqx.Module):
         """Of cloud in the middle of the layer under a mask, for normal noise."""
         thickness = (self.top_m - self.base_m) / self.barrier_scale_m
         barriers = 2 * self.barrier_strength * jnp.exp(-jnp.maximum(thickness, 0) / 2)
-        variance = self.smoothing**2
-        for amplitude, rung in zip(
-            self.amplitudes(ladders), rungs(ladders), strict=True
-        ):
-            variance = variance + amplitude**2 * rung.power
+        powers = jnp.asarray([rung.power for rung in rungs(ladders)], float)
+        variance = self.smoothing**2 + self.amplitudes(ladders) ** 2 @ powers
         # The floor keeps the slope of the root finite where nothing varies.
         spread = jnp.sqrt(jnp.maximum(variance, 1e-12))
         return ndtr((self.mask_gain * mask - barriers - self.threshold) / spread)

@@ -265,13 +265,12 @@ class FractalCloud(AbstractCloudSource):
         altitude = samples.path.altitude_m(samples.path.distance_m(steps))
         fractal = samples.fractal(amplitudes, steps)
         value = f(fractal, samples.mask.in_steps(steps), altitude)
-        common = own = rough = none = jnp.zeros(value.shape[0])
-        for i, amplitude in enumerate(amplitudes):
-            common = common + amplitude**2 * samples.common[:, i]
-            own = own + amplitude**2 * samples.own[:, i]
-            rough = rough + amplitude**2 * samples.slope[:, i]
+        common, own, rough = (
+            jnp.matmul(part, amplitudes**2, precision="highest")
+            for part in (samples.common, samples.own, samples.slope)
+        )
         if self.latent.nodes.shape[0] == 1:
-            common, own = none, own + common
+            common, own = jnp.zeros_like(common), own + common
         # The floors keep the slopes of the roots finite where nothing is lost.
         left = (f.smoothing**2 + own)[:, None] + _spread_of_steps(value)
         width = jnp.sqrt(jnp.maximum(left, 1e-12))

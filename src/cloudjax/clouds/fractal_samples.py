@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from cloudjax.geometry.path import Path, Profile, to_points
@@ -23,8 +24,8 @@ class Reading(eqx.Module):
         # An explicit sum: a product with a weight vector, reduced, is miscompiled by
         # one release of jax (docs/decisions.md).
         total = jnp.zeros_like(self.values[:, 0])
-        for place, rung in enumerate(self.rungs):
-            total = total + amplitudes[rung] * self.values[:, place]
+        for place, amplitude in enumerate(amplitudes[np.array(self.rungs, int)]):
+            total = total + amplitude * self.values[:, place]
         return in_steps(total, steps)
 
 

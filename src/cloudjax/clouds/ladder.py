@@ -232,7 +232,7 @@ def amplitudes(
     weights: Float[Array, " ladders"],
     persistences: Float[Array, " ladders"],
     gains: Float[Array, " steps"],
-) -> list[Float[Array, ""]]:
+) -> Float[Array, " rungs"]:
     """Return the amplitude of each rung.
 
     **Arguments:**
@@ -241,11 +241,17 @@ def amplitudes(
     - `persistences`: amplitude of an octave over that of the next longer one.
     - `gains`: a factor for each step of each ladder.
     """
-    found = []
-    for rung in rungs(ladders):
-        persistence = persistences[rung.ladder]
-        octaves = ladders[rung.ladder].octaves
-        norm = jnp.sqrt(sum(persistence ** (2 * octave) for octave in octaves))
-        share = persistence**rung.octave / norm
-        found.append(gains[rung.step] * weights[rung.ladder] * share)
-    return found
+    every = rungs(ladders)
+    own = np.array([rung.ladder for rung in every])
+    step = np.array([rung.step for rung in every])
+    octave = np.array([rung.octave for rung in every], float)
+    # All octaves of all ladders in one array: operations on single numbers would each
+    # be compiled, and differentiated, once more.
+    most = max(len(ladder.octaves) for ladder in ladders)
+    held = np.full((len(ladders), most), -1.0)
+    for row, ladder in zip(held, ladders, strict=True):
+        row[: len(ladder.octaves)] = ladder.octaves
+    squares = persistences[:, None] ** np.maximum(2 * held, 0)
+    norms = jnp.sqrt(jnp.where(held >= 0, squares, 0.0).sum(-1))
+    share = persistences[own] ** octave / norms[own]
+    return gains[step] * weights[own] * share

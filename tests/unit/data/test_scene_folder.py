@@ -2,6 +2,7 @@
 
 import os
 from datetime import timedelta
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -221,3 +222,19 @@ def test_weather_alone_has_no_bands(tmp_path):
     assert found.start is None
     with pytest.raises(DataError, match="does not hold any band"):
         found.read()
+
+
+@pytest.mark.parametrize("name", ["Scene.TOML", "scene.toml.txt"])
+def test_settings_of_another_name_do_not_go_unread(folder, name):
+    (folder / name).write_text("[fit]\nrays = 9\n")
+    with pytest.raises(DataError, match=f"{name} is read by nothing: call it scene"):
+        open_folder(folder)
+    (folder / "scene.toml").write_text("[fit]\nrays = 8\n")
+    assert open_folder(folder).settings == {"fit": {"rays": 8}}
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, lambda p: p.symlink_to("nowhere.toml")])
+def test_settings_that_are_no_file_do_not_go_unread(folder, make):
+    make(folder / "scene.toml")
+    with pytest.raises(DataError, match=r"scene\.toml is no file of settings"):
+        open_folder(folder)

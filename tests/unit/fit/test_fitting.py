@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ from cloudjax_fit.objective import (
     simulate,
 )
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
-from cloudjax_fit.solver import Solution
+from cloudjax_fit.solver import Solution, Solver
 from cloudjax_fit.targets import block_of_pixels
 from cloudjax_scenes import simulate_image
 
@@ -241,10 +242,11 @@ def test_the_best_start_is_kept(target, monkeypatch, wins):
             i, self.count = self.count, self.count + 1
             converged, loss = (True, 1.0) if i == wins else (i != (wins + 1) % 3, 2.0)
             loss = loss if converged else 0.5
-            return Solution(np.asarray(z) + i, converged, f"{i}", (9.0, loss), 0.1)
+            none, end = np.zeros((1, len(z))), np.asarray(z) + i
+            return Solution(end, converged, f"{i}", none, (9.0, loss), 0.1)
 
-    def stop(problem, target, z_start, z_fit, *, seed):
-        taken.append((z_start, z_fit))
+    def stop(problem, target, z_start, solution, *, seed):
+        taken.append((z_start, solution.z))
         raise StopIteration
 
     monkeypatch.setattr("cloudjax_fit.fitting.Solver", OneOfThree)
@@ -261,3 +263,14 @@ def test_the_best_start_is_kept(target, monkeypatch, wins):
     starts = draw_starts(parameters, 3, settings.seed)
     np.testing.assert_allclose(z_start, starts[0], atol=1e-6)
     np.testing.assert_allclose(z_fit, starts[wins] + wins, atol=1e-6)
+
+
+def test_the_jacobian_of_a_solution_is_that_of_the_residuals(posed):
+    """Where the solver stops, not where it tried last. Tolerance: float32."""
+    problem, _ = posed
+    z = jnp.full(len(problem.parameters), 0.3)
+    solution = Solver(problem, max_steps=3)(problem, z)
+    assert np.abs(solution.z - z).max() > 0.01
+    expected = eqx.filter_jit(jax.jacfwd(residuals))(jnp.asarray(solution.z), problem)
+    largest = np.abs(expected).max(0)
+    assert (np.abs(solution.jacobian - expected) < 2e-3 * largest).all()

@@ -19,6 +19,7 @@ from tests.small_fits import (
 from cloudjax_fit.objective import COVERAGE_SCALE, SCALE, pose, residuals, simulate
 from cloudjax_fit.parameters import unbounded_of, values_of
 from cloudjax_fit.scene_parameters import scene_parameters
+from cloudjax_fit.solver import Solution
 from cloudjax_fit.targets import block_of_pixels
 from cloudjax_fit.uncertainty import estimate
 from cloudjax_scenes import SceneFromImagery
@@ -48,7 +49,13 @@ def posed():
 def found(posed):
     target, problem, *_ = posed
     z = unbounded_of(problem.parameters)
-    return estimate(problem, target, z, z, seed=0)
+    return estimate(problem, target, z, _solution(problem, z), seed=0)
+
+
+def _solution(problem, z) -> Solution:
+    """A solver that has stopped where it started."""
+    jacobian = np.asarray(eqx.filter_jit(jax.jacfwd(residuals))(z, problem), float)
+    return Solution(np.asarray(z), True, "stopped", jacobian, (0.0,), 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +132,7 @@ def test_deviations_are_those_of_fits_to_resampled_images(posed, found, resample
 
 def _spread(target, problem):
     z = unbounded_of(problem.parameters)
-    estimates, _ = estimate(problem, target, z, z, seed=0)
+    estimates, _ = estimate(problem, target, z, _solution(problem, z), seed=0)
     return {e.parameter.name: e.std for e in estimates}
 
 

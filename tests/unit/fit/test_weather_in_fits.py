@@ -54,7 +54,7 @@ def _textures(imagery, analysis):
     target = small_target(imagery, *flecked())
     problem, _ = pose(target, made_of.build(), (), rays=100, seed=0)
     (sample,) = problem.view.samples
-    return np.asarray(sample.fractal((1.0, 0.5), 4))
+    return np.asarray(sample.fractal(np.array([1.0, 0.5]), 4))
 
 
 def test_the_rays_of_a_fit_see_clouds_that_the_wind_has_drawn(tmp_path):

@@ -143,6 +143,9 @@ ABI = 'kind = "abi"\nsector = "fulldisk"\nresolution_km = 10\n'
         (CAMERA.replace("= 30", "= 30.5"), "rows = 30.5: make it a whole number"),
         (CAMERA.replace("= 25", '= "north"'), "'north': make it a finite number"),
         (CAMERA.replace("= 25", "= nan"), "latitude_deg = nan: make it a finite"),
+        # no float of 32 bits, and none at all
+        (CAMERA.replace("= 30", "= 1e308", 1), "make it a"),
+        (CAMERA.replace("= 25", f"= {10**400}"), "a finite number, within 1e30"),
         (CAMERA.replace("= 25", "= 95"), "latitude_deg of a camera must lie within"),
         (CAMERA + "target_latitude_deg = 3", "azimuth_deg"),
         (ABI.replace("10", "3"), "no grid of 3 km"),

@@ -1,0 +1,60 @@
+"""The folder of a sky: scenes, textures, a page and what is known of them."""
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from cloudjax_data import DataError
+from cloudjax_data.whole_files import require_writable, staged
+
+from .document import document
+from .sky import TEXTURES, ExportSettings, Sight, make_sky
+from .viewer import LIBRARY, page
+
+
+MANIFEST = "manifest.json"
+_PAGES = ("scene.x3d", "scene_geo.x3d", "viewer.html")
+
+
+def write_sky(
+    folder: str | os.PathLike[str],
+    sight: Sight,
+    settings: ExportSettings | None = None,
+    *,
+    library: str | os.PathLike[str] | None = None,
+    on_tile: Callable[[int, int], None] | None = None,
+) -> Mapping:
+    """Write scene.x3d, scene_geo.x3d, viewer.html, textures and manifest.json.
+
+    **Arguments:**
+
+    - `library`: x3dom.js, which is copied beside the page.
+    - `on_tile`: as of `make_sky`.
+
+    **Returns:** what manifest.json has.
+
+    **Raises:** `DataError` where there is no cloud or no sun, for too few boards, and
+    if the disk does not take the files.
+    """
+    settings, folder = settings or ExportSettings(), Path(folder)
+    require_writable(folder)
+    if library is not None and not Path(library).is_file():
+        raise DataError(f"{library} is no file: give the x3dom.js of a viewer.")
+    made = make_sky(sight, settings, on_tile)
+    # Nothing of an earlier run may look like a part of this one.
+    for name in (MANIFEST, *_PAGES):
+        (folder / name).unlink(missing_ok=True)
+    with staged(folder / TEXTURES) as aside:
+        for address, image in made.images.items():
+            (aside / Path(address).name).write_bytes(image)
+    with staged(folder, last=MANIFEST) as aside:
+        (aside / "scene.x3d").write_bytes(document(made.sky))
+        (aside / "scene_geo.x3d").write_bytes(document(made.sky, geographic=True))
+        text = page(made.sky, made.images, made.sky.about["title"])
+        (aside / "viewer.html").write_text(text, encoding="utf-8")
+        if library is not None:
+            shutil.copyfile(library, aside / LIBRARY)
+        (aside / MANIFEST).write_text(json.dumps(made.manifest, indent=2) + "\n")
+    return made.manifest

@@ -1,0 +1,160 @@
+"""What a march along a direction of view meets in a box: cloud, light, ground."""
+
+import functools as ft
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from cloudjax import BandRadiances, Scene, look
+from cloudjax.geometry.rays import Rays
+from cloudjax.geometry.shells import chords
+from cloudjax.march.marched_way import march_layers
+from cloudjax.march.radiances import cloud_share, radiances, see_clear
+from cloudjax.march.view import View
+
+from .box import Picture
+
+
+# Rays that are marched at once.
+_TILE = 8192
+# Optical depth of a step that no eye and no byte of opacity sees.
+_LEAST_DEPTH = 1e-4
+# Transmittance below which nothing is seen of what lies behind.
+_DARK = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SeenCloud:
+    """`SeenCloud` is the cloud of a box in pieces, one for each step of each ray.
+
+    Depths of the pieces of a ray add up to minus the logarithm of the transmittance
+    that the renderer has for its pixel.
+
+    **Fields:**
+
+    - `picture`: from where.
+    - `ray`: of each piece, a pixel of the picture.
+    - `place`: of each piece [m], in the box.
+    - `depth`: optical depth of each piece, along the ray.
+    - `cloudy`, `clear`: radiance of each pixel, as reflectance factors of the bands;
+      with all cloud, and without.
+    - `opacity`: 1 - T of each pixel by the renderer, also of cloud around the box.
+    """
+
+    picture: Picture
+    ray: Int[np.ndarray, " pieces"]
+    place: Float[np.ndarray, "pieces 3"]
+    depth: Float[np.ndarray, " pieces"]
+    cloudy: Float[np.ndarray, "bands rays"]
+    clear: Float[np.ndarray, "bands rays"]
+    opacity: Float[np.ndarray, " rays"]
+
+    @property
+    def column_depth(self) -> Float[np.ndarray, " rays"]:
+        """Optical depth of the box along each ray."""
+        # Of nothing at all numpy counts whole numbers.
+        return np.bincount(self.ray, self.depth, len(self.opacity)).astype(float)
+
+
+def near_by(scene: Scene) -> Scene:
+    """Return a scene without the air above its clouds, as viewers near by see it."""
+    return replace(scene, air=None, emissive=None, emission=None)
+
+
+def see_cloud(
+    scene: Scene,
+    picture: Picture,
+    sun_direction: Float[np.ndarray, "3"],
+    *,
+    extinction_share: float = 1.0,
+    on_tile: Callable[[int, int], None] | None = None,
+) -> SeenCloud:
+    """March through a scene along all rays of a picture.
+
+    **Arguments:**
+
+    - `extinction_share`: of the physical extinction that the scene calls extinction;
+      opacities are physical.
+    - `on_tile`: called with the numbers of rays done and of all.
+    """
+    rays = picture.shape[0] * picture.shape[1]
+    parts = []
+    for start in range(0, rays, _TILE):
+        index = np.arange(start, min(start + _TILE, rays))
+        # All of one size, which is compiled once.
+        filled = np.concatenate([index, np.full(_TILE - len(index), index[-1])])
+        parts.append(
+            _march(scene, picture, sun_direction, extinction_share, index, filled)
+        )
+        if on_tile is not None:
+            on_tile(int(index[-1]) + 1, rays)
+    pieces = [np.concatenate(part) for part in zip(*(p[0] for p in parts), strict=True)]
+    images = [
+        np.concatenate(part, axis=-1)
+        for part in zip(*(p[1] for p in parts), strict=True)
+    ]
+    return SeenCloud(picture, *pieces, *images)
+
+
+def _march(scene: Scene, picture: Picture, sun, share: float, index, filled):
+    rays, count = picture.rays(filled), len(index)
+    view = look(scene, rays, sun)
+    cloudy, clear, opacity, profiles = (
+        jax.tree.map(lambda x: np.asarray(x, float), found)
+        for found in _seen(scene, view, 1 / share)
+    )
+    pieces = [
+        _pieces(picture, rays[:count], scene.layers[i].cloud.shell, profile[:count])
+        for i, profile in zip(view.layer_of, profiles, strict=True)
+    ]
+    ray, place, depth = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    images = cloudy[:, :count], clear[:, :count], opacity[:count]
+    return (index[ray], place, depth), images
+
+
+def _seen(scene: Scene, view: View, power: Float[Array, ""] | float):
+    """Reflectance factors with and without cloud, opacity, transmittance per step."""
+    bands, cloudy, clear = scene.reflective, radiances(scene, view), _clear(scene, view)
+    assert bands is not None
+    assert cloudy.reflective is not None
+    assert clear.reflective is not None
+    through = _through(scene, view, power)
+    opacity = 1 - ft.reduce(jnp.multiply, [t[:, -1] for t in through])
+    found = bands.reflectance(cloudy.reflective), bands.reflectance(clear.reflective)
+    return *found, opacity, through
+
+
+# Compiled apart from the radiances: together XLA takes minutes longer.
+@jax.jit
+def _through(scene: Scene, view: View, power: Float[Array, ""] | float):
+    """Transmittance from the entry of each way to the end of each step."""
+    share = cloud_share(scene, view.samples, view.layer_of)[:, None]
+    return [
+        (1 - share * (1 - way.passed.transmittance(way.layer.extinction_per_m)))
+        ** power
+        for way in march_layers(scene, view)
+    ]
+
+
+@jax.jit
+def _clear(scene: Scene, view: View) -> BandRadiances:
+    return see_clear(scene, view.around)[0]
+
+
+def _pieces(
+    picture: Picture, rays: Rays, shell, through: Float[np.ndarray, "rays ends"]
+):
+    """Steps with cloud: their rays, places and depths."""
+    seen = np.maximum(through, _DARK)
+    depth = np.log(seen[:, :-1] / seen[:, 1:])
+    ray, step = np.nonzero(depth > _LEAST_DEPTH)
+    chord = chords(rays, shell)
+    part = (step + 0.5) / depth.shape[1]
+    distance = chord.entry_m[ray] + part * chord.length_m[ray]
+    place = picture.box.local_m(rays[ray].at(distance))
+    inside = picture.box.holds(place)
+    return ray[inside], place[inside], depth[ray, step][inside]
