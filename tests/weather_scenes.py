@@ -103,10 +103,8 @@ def write_inputs(folder: Path) -> Path:
 
 
 def inputs(folder: Path) -> tuple:
-    """Options of a render; the decision of Table 1, by which the images are stored."""
     classes = folder / "classes.toml"
-    weather = "--weather", folder / "gfs.grib2", "--decision", "table1"
-    return *weather, "--classes", classes, *SMALL
+    return "--weather", folder / "gfs.grib2", "--classes", classes, *SMALL
 
 
 def render_image(folder: Path, file: Path) -> Path:

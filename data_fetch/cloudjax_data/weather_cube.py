@@ -14,9 +14,8 @@ from jaxtyping import Bool, Float
 from .errors import DataError
 from .grib import read_grib
 from .lambert import LambertConic
-from .weather_fields import LEVELLESS, REQUIRED, WANTED, assembled
+from .weather_fields import GROUND, REQUIRED, WANTED, assembled
 from .weather_grid import on_plain_axes, oriented, places_held
-from .weather_sky import MEANS
 
 
 # Of all columns: so many may end below an altitude that is asked for.
@@ -36,11 +35,10 @@ class WeatherCube:
         `(level, y, x)` with `latitude(y, x)` and `longitude(y, x)`:
         `u`, `v` (m/s, to the true east and north), `w` (Pa/s: the change of pressure,
         so **positive is downward**), `r` (%), `t` (K), `gh` (geopotential metres) and,
-        where the file has them, `clwmr` and `icmr` (kg/kg, of cloud water and ice) and
-        `tcc` (cloud cover, %). On `(latitude, longitude)`, where the
+        where the file has it, `clwmr` (kg/kg). On `(latitude, longitude)`, where the
         file has them: `orog`, the height of the ground (geopotential metres); `lsm`,
         the share of land (0 to 1); `t_surface`, the temperature of the skin of ground
-        or sea (K); `t_2m`, of the air at 2 m (K); and what `weather_sky.SKY` lists.
+        or sea (K); `t_2m`, of the air at 2 m (K).
         `level` is in hPa and descends, from the ground upward. `latitude` ascends.
         `longitude` is east positive and ascends from a value in [0, 360); a global grid
         starts next to 0, a region across Greenwich goes on beyond 360. On a Lambert map
@@ -52,7 +50,6 @@ class WeatherCube:
         required variables have, and that are dropped. A level on which a variable is
         masked everywhere is one that it has not.
     - `projection`: the Lambert map, or None on latitude and longitude.
-    - `means`: variables that are means over the hours before.
     """
 
     data: xr.Dataset
@@ -60,7 +57,6 @@ class WeatherCube:
     path: Path
     lost_levels_hpa: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     projection: LambertConic | None = None
-    means: frozenset[str] = frozenset()
 
     @property
     def is_global(self) -> bool:
@@ -139,7 +135,7 @@ class WeatherCube:
         highest level.
         """
         height = self.data["gh"].to_numpy()
-        columns = self.data.drop_vars(["gh", *LEVELLESS], errors="ignore")
+        columns = self.data.drop_vars(["gh", *GROUND], errors="ignore")
         whole = _bracket(height, altitude_m)
         found = {}
         for name, values in columns.data_vars.items():
@@ -188,16 +184,11 @@ def read_weather(path: str | PathLike[str]) -> WeatherCube:
     with impossible values or twice.
     """
     path = Path(path)
-    found = assembled(path, read_grib(path, WANTED, MEANS))
+    found = assembled(path, read_grib(path, WANTED))
     data = oriented(path, found.data, found.projection, found.winds_along_grid)
     data.attrs = {"source": path.name}
     return WeatherCube(
-        data,
-        found.valid_time,
-        path,
-        found.lost_levels_hpa,
-        found.projection,
-        found.means,
+        data, found.valid_time, path, found.lost_levels_hpa, found.projection
     )
 
 
