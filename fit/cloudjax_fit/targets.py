@@ -1,4 +1,4 @@
-"""What a fit aims at: imagery, and the statistics of its pixels.
+"""What a fit aims at: imagery, and the statistics of its cloud pixels.
 
 A target is made from a scene's files or read back from a small netCDF file, and is
 fitted in the same way.
@@ -12,7 +12,29 @@ from jaxtyping import Bool, Float, Int
 from cloudjax_scenes.imagery import Imagery
 
 from .histogram import Quantiles
-from .statistics import Coverage, Statistics
+
+
+# Broad enough to hold dozens of rays each: with fewer, the derivative of a histogram
+# jumps as rays change bins, and a solver creeps.
+BINS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class BandStatistics:
+    """The cloud pixels of one band.
+
+    **Fields:**
+
+    - `quantiles`: of their radiances.
+    - `low`, `high`: the range of the histograms.
+    - `block_counts`: histograms of each block of the image: what blocks differ by tells
+      how sure the histogram is.
+    """
+
+    quantiles: Quantiles
+    low: float
+    high: float
+    block_counts: Int[np.ndarray, "blocks bins"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,29 +44,29 @@ class Target:
     **Fields:**
 
     - `imagery`: what a scene that looks like it is built of.
-    - `quantiles`: of the radiances of cloud, by band.
-    - `statistics`: that a fit compares, of the bands in the order of `quantiles`.
+    - `statistics`: of the cloud pixels, by band.
     - `blocks`: rows and columns of blocks that the image is cut into.
-    - `good`: the pixels that the statistics are of.
+    - `block_cloud`, `block_valid`: cloud pixels and good pixels of each block.
+    - `good`: the pixels that the statistics are of; None where a file of an earlier
+      version does not tell them: then those of blocks that hold any.
     """
 
     imagery: Imagery
-    quantiles: dict[int, Quantiles]
-    statistics: Statistics
+    statistics: dict[int, BandStatistics]
     blocks: tuple[int, int]
-    good: Bool[np.ndarray, "y x"]
+    block_cloud: Int[np.ndarray, " blocks"]
+    block_valid: Int[np.ndarray, " blocks"]
+    good: Bool[np.ndarray, "y x"] | None = None
 
     @property
-    def block_valid(self) -> Int[np.ndarray, " blocks"]:
-        """Good pixels of each block."""
-        block = block_of_pixels(self.imagery.grid.shape, self.blocks)
-        count = self.blocks[0] * self.blocks[1]
-        return np.bincount(block[self.good.reshape(-1)], minlength=count)
-
-    @property
-    def block_cloud(self) -> Float[np.ndarray, " blocks"]:
-        """Cloud of each block, in pixels."""
-        return np.asarray(self._coverage.observed, float)[:, 0, 0]
+    def counted(self) -> Bool[np.ndarray, "y x"]:
+        """The pixels that count: what lies elsewhere is compared with nothing."""
+        if self.good is not None:
+            return self.good
+        shape = self.imagery.grid.shape
+        return (self.block_valid > 0)[block_of_pixels(shape, self.blocks)].reshape(
+            shape
+        )
 
     @property
     def block_share(self) -> Float[np.ndarray, " blocks"]:
@@ -55,12 +77,8 @@ class Target:
 
     @property
     def cloud_fraction(self) -> float:
-        """Cloud over good pixels."""
-        return float(self.block_cloud.sum() / self.good.sum())
-
-    @property
-    def _coverage(self) -> Coverage:
-        return self.statistics.coverage
+        """Cloud pixels over good pixels."""
+        return float(self.block_cloud.sum() / self.block_valid.sum())
 
 
 def block_of_pixels(

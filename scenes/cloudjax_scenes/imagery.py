@@ -4,25 +4,15 @@ How much cloud of each class stands where, what the clear pixels look like, and 
 pixels look at them. `imagery_reduction.py` makes it of a scene's files.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax import (
-    Band,
-    EmissiveBands,
-    FixedGrid,
-    ReflectiveBands,
-    Scene,
-    TwoFlux,
-)
+from cloudjax import Band, FixedGrid
 
-from .background import Background
 from .cloud_rule import CloudRule
-from .imagery_evidence import ClassEvidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +26,9 @@ class Imagery:
     - `rule`: which pixels count as cloud.
     - `bands`: by number. Band 7 sees the sun by day only.
     - `earth_sun_distance_au`: of the date.
-    - `latitude_deg`, `longitude_deg`: of the grid of fractions.
+    - `latitude_deg`, `longitude_deg`: of the grid of fractions and backgrounds.
     - `fractions`: of the sky covered by each class of cloud, as seen past those above.
-    - `background`: radiance without cloud.
-    - `evidence`: what the clouds of each class are like from place to place, as far as
-      the bands tell.
+    - `backgrounds`: radiance without cloud, by band.
     - `notes`: sentences on what had to be assumed.
     """
 
@@ -54,8 +42,7 @@ class Imagery:
     latitude_deg: Float[np.ndarray, " lat"]
     longitude_deg: Float[np.ndarray, " lon"]
     fractions: dict[str, Float[np.ndarray, "lat lon"]]
-    background: Background
-    evidence: dict[str, ClassEvidence] = field(default_factory=dict)
+    backgrounds: dict[int, Float[np.ndarray, "lat lon"]]
     notes: tuple[str, ...] = ()
 
     @property
@@ -67,16 +54,6 @@ class Imagery:
     def emissive(self) -> list[Band]:
         """The bands that emit."""
         return [band for band in self.bands.values() if not band.reflective]
-
-    @property
-    def empty_scene(self) -> Scene:
-        """A scene of these bands and nothing else, to say what radiances mean."""
-        return Scene(
-            layers=(),
-            reflective=ReflectiveBands.of(self.sunlit, self.earth_sun_distance_au),
-            emissive=EmissiveBands.of(self.emissive),
-            reflection=TwoFlux(indirect=jnp.asarray(0.0)),
-        )
 
     def coefficients(self, number: int) -> dict[str, float]:
         """Return what radiance means in a band on the date: see `Band.coefficients`."""

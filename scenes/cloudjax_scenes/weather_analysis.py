@@ -119,8 +119,7 @@ class Analysis:
             field = np.nan_to_num(self.fractions(classes[name].conditions))
             asked = self._grid().sample((known * field)[..., None], φ, λ)[..., 0]
             fractions[name] = np.where(held, asked / np.where(held, given, 1), seen)
-        # What imagery tells of its clouds is not said of those of the weather.
-        return replace(imagery, fractions=fractions, evidence={})
+        return replace(imagery, fractions=fractions)
 
     @ft.cached_property
     def _regular(self) -> WeatherCube:
