@@ -156,14 +156,9 @@ def _of_model(options):
 
 
 def _of_scene(scene, options):
-    from dataclasses import replace
-
-    import jax.numpy as jnp
-
     from cloudjax_fit.fit_inputs import read_inputs
-    from cloudjax_fit.fitted_image import fitted_values
+    from cloudjax_fit.fitted_image import fitted_scene, fitted_values
     from cloudjax_fit.parameter_file import read_parameters
-    from cloudjax_fit.parameters import put_all
     from cloudjax_scenes.x3d.sights import box_about, middle_of_image, sight_of_imagery
 
     file = options["parameters"]
@@ -177,10 +172,6 @@ def _of_scene(scene, options):
     made_of = inputs.made_of
     centre = options["centre"] or middle_of_image(made_of.imagery)
     box = box_about(centre, options["size_km"])
-    values = fitted_values(inputs)
-    fitted = [values[parameter.name] for parameter in inputs.parameters]
-    seen = put_all(made_of.build(), inputs.parameters, jnp.asarray(fitted))
-    shadows = made_of.light.shadows(options["shadows"] or 0)
-    return sight_of_imagery(
-        replace(seen, shadows=shadows), made_of, box, options["sun"]
-    )
+    values, shadows = fitted_values(inputs), options["shadows"] or 0
+    shown = fitted_scene(inputs, values, shadows=shadows)
+    return sight_of_imagery(shown, made_of, box, options["sun"])

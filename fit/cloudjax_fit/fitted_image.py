@@ -1,9 +1,11 @@
 """The image of a scene folder, at fitted parameters or the defaults."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import jax.numpy as jnp
 
+from cloudjax import Scene
 from cloudjax_data import DataError
 from cloudjax_scenes.simulated_image import SimulatedImage, simulate_image
 
@@ -26,13 +28,25 @@ def fitted_image(
     **Raises:** `DataError` if the fitted parameters name one that no scene has, or give
     one a value beyond its bounds; for shadows with another light than the physical one.
     """
-    made_of, parameters = inputs.made_of, inputs.parameters
     values = fitted_values(inputs)
+    scene = fitted_scene(inputs, values, shadows=shadows)
+    return simulate_image(scene, inputs.made_of), values
+
+
+def fitted_scene(
+    inputs: FitInputs, values: Mapping[str, float], *, shadows: int = 0
+) -> Scene:
+    """Build the scene of a folder with values of its parameters.
+
+    **Arguments:** `values`: by name, of all of them; `shadows`: as of `fitted_image`.
+
+    **Raises:** `DataError` for shadows with another light than the physical one.
+    """
+    made_of, parameters = inputs.made_of, inputs.parameters
     scene = put_all(
         made_of.build(), parameters, jnp.asarray([values[p.name] for p in parameters])
     )
-    scene = replace(scene, shadows=made_of.light.shadows(shadows))
-    return simulate_image(scene, made_of), values
+    return replace(scene, shadows=made_of.light.shadows(shadows))
 
 
 def fitted_values(inputs: FitInputs) -> dict[str, float]:

@@ -14,7 +14,7 @@ from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import chords
 from cloudjax.march.marched_way import march_layers
 from cloudjax.march.radiances import cloud_share, radiances, see_clear
-from cloudjax.march.view import View
+from cloudjax.march.view import View, tiles
 
 from .box import Picture
 
@@ -83,10 +83,7 @@ def see_cloud(
     """
     rays = picture.shape[0] * picture.shape[1]
     parts = []
-    for start in range(0, rays, _TILE):
-        index = np.arange(start, min(start + _TILE, rays))
-        # All of one size, which is compiled once.
-        filled = np.concatenate([index, np.full(_TILE - len(index), index[-1])])
+    for index, filled in tiles(np.arange(rays), _TILE):
         parts.append(
             _march(scene, picture, sun_direction, extinction_share, index, filled)
         )

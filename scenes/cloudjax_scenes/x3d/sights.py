@@ -53,14 +53,8 @@ def sight_of_weather(
 
     **Arguments:** `sun`: in place of that of the time.
     """
-    return Sight(
-        scene=world.scene(bands_named(*_BANDS), time),
-        box=box,
-        time=time,
-        sun_direction=_sun(box, time, sun),
-        sources=world.sources,
-        kind="fractal clouds where the weather lets them stand",
-    )
+    kind = "fractal clouds where the weather lets them stand"
+    return _sight_of(world, box, time, sun, kind, [])
 
 
 def sight_of_model(
@@ -70,14 +64,21 @@ def sight_of_model(
 
     **Arguments:** `sun`: in place of that of the time.
     """
+    notes = world.columns.cautions()
+    return _sight_of(world, box, time, sun, "clouds of a weather model", notes)
+
+
+def _sight_of(
+    world: World | ModelWorld, box: Box, time: datetime, sun, kind: str, notes
+) -> Sight:
     return Sight(
         scene=world.scene(bands_named(*_BANDS), time),
         box=box,
         time=time,
         sun_direction=_sun(box, time, sun),
         sources=world.sources,
-        notes=world.columns.cautions(),
-        kind="clouds of a weather model",
+        notes=notes,
+        kind=kind,
     )
 
 

@@ -140,19 +140,6 @@ def make_sky(
         )
     work = _Work(sight, settings, on_tile)
     parts = {sector.name: work.sector(sector) for sector in work.sectors}
-    levels = [
-        Level(
-            tiles=work.tiles[i],
-            meshes={
-                (number, name): mesh
-                for name, part in parts.items()
-                for number, mesh in part.meshes[i].items()
-            },
-            textures={name: _address(i, name) for name in parts},
-            from_m=work.from_m(i),
-        )
-        for i in range(len(settings.coarser))
-    ]
     images = {
         _address(i, name): image
         for name, part in parts.items()
@@ -165,7 +152,7 @@ def make_sky(
     sky = Sky(
         box=box,
         sectors=work.sectors,
-        levels=levels,
+        levels=[_level(work, parts, i) for i in range(len(settings.coarser))],
         ground=ground_mesh(box),
         ground_texture=ground,
         top_m=work.heights_m[1],
@@ -181,6 +168,20 @@ class _Part:
     meshes: Sequence[Mapping[int, Mesh]]
     images: Sequence[bytes]
     measured: Mapping
+
+
+def _level(work: "_Work", parts: Mapping[str, _Part], i: int) -> Level:
+    """The level of detail of this number, of all sectors."""
+    return Level(
+        tiles=work.tiles[i],
+        meshes={
+            (number, name): mesh
+            for name, part in parts.items()
+            for number, mesh in part.meshes[i].items()
+        },
+        textures={name: _address(i, name) for name in parts},
+        from_m=work.from_m(i),
+    )
 
 
 class _Work:
@@ -265,14 +266,15 @@ def _measured(seen: SeenCloud, levels: Sequence[Boards]) -> Mapping:
     """Opacities and depths of the boards as they are written, beside the source's."""
     depth = seen.column_depth
     opacity = -np.expm1(-depth)
-    boards = levels[0].opacity()
+    opacities = [level.opacity() for level in levels]
+    boards = opacities[0]
     return {
         "azimuth_deg": seen.picture.sector.azimuth_deg,
         "elevation_deg": seen.picture.sector.elevation_deg,
         "boards": [len(level.boards) for level in levels],
         "mean_opacity": {
             "source": _round(opacity.mean()),
-            "boards": [_round(level.opacity().mean()) for level in levels],
+            "boards": [_round(each.mean()) for each in opacities],
         },
         "mean_optical_depth_up_to_5": {
             "source": _round(np.minimum(depth, _DEEPEST).mean()),
