@@ -205,6 +205,7 @@ def test_a_class_makes_its_cloud(tmp_path):
         ("= 19e3", "= 100", "class fog, texture 2: shortest_m must be 1 or more and"),
         ("= 0.8", "= 0.8\ngains = [1]", "gains of a texture are 1 for 3 rungs"),
         ("= 0.8", "= 0.8\ngains = 1", "gives gains = 1: make it a list of finite"),
+        ("= 1.5", "= 1e31", "displacement_hours = .*a finite number, within 1e30"),
         ("= 1.5", "= -1", "class fog, texture 2: displacement_hours of a texture"),
         ("weight = 1\n", "weight = 2\n", "must begin with one of weight 1"),
         ("[[fog.textures]]", "[fog.texture]", "not valid TOML"),

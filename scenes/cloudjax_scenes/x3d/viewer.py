@@ -68,4 +68,6 @@ def _suit_x3dom(scene: ET.Element) -> None:
         clear = name != GROUND
         appearance.set("sortType", "transparent" if clear else "opaque")
         if clear:
+            # It leaves out what is less than a tenth opaque, which is most of a haze.
+            appearance.set("alphaClipThreshold", "0")
             ET.SubElement(appearance, "DepthMode", readOnly="true")

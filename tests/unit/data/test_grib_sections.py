@@ -71,6 +71,17 @@ def test_lengths_of_sections_must_fill_a_message(tmp_path, section, new):
         read(path)
 
 
+def test_a_message_must_end_with_data(tmp_path):
+    """Without its last section, and with the length that it then has."""
+    path = write(tmp_path / "w.grib")
+    wind, temperature = messages(path)
+    ((_, start, _),) = (part for part in sections(temperature) if part[0] == 7)
+    total = (start + 4).to_bytes(8)
+    path.write_bytes(wind + temperature[:8] + total + temperature[16:start] + b"7777")
+    with pytest.raises(DataError, match="sections of its message 2"):
+        read(path)
+
+
 @pytest.mark.parametrize("new", [0, 2, 5, 8, 255])
 def test_numbers_of_sections_must_be_in_order(tmp_path, new):
     path = write(tmp_path / "w.grib")

@@ -18,7 +18,7 @@ from cloudjax_scenes.x3d.box import UP, Box, Picture, sectors
 from cloudjax_scenes.x3d.colours import Exposure
 from cloudjax_scenes.x3d.meshes import Tiles, board_meshes
 from cloudjax_scenes.x3d.sections import section_places, share_out
-from cloudjax_scenes.x3d.seen_cloud import SeenCloud, near_by
+from cloudjax_scenes.x3d.seen_cloud import SeenCloud, near_by, see_cloud
 from cloudjax_scenes.x3d.sights import middle_of, sight_of_model
 from tests.x3d_files import PLACE, SIZE_KM, composite, shapes, write_small_sky
 
@@ -72,6 +72,23 @@ def test_boards_stop_the_light_that_the_renderer_stops(sky, scene, number):
     assert expected.mean() > 0.05
     assert (1 - through).mean() == pytest.approx(expected.mean(), rel=0.03)
     assert np.corrcoef(1 - through, expected)[0, 1] > 0.95
+
+
+def test_opacities_are_of_the_physical_extinction(scene):
+    """Light that calls half of it extinction: twice the optical depth that it marches.
+
+    Tolerance: 2 %, for steps that nobody sees are left out.
+    """
+    seen, box = scene
+    picture = Picture.of(box, UP, 2e3, (0.0, 4e3))
+    sun = sun_over(*PLACE, zenith_deg=50.0, azimuth_deg=135.0)
+    plain, half = (
+        see_cloud(seen, picture, sun, extinction_share=share).column_depth
+        for share in (1.0, 0.5)
+    )
+    thin = (plain > 0.05) & (plain < 3)
+    assert thin.sum() > 5
+    np.testing.assert_allclose(half[thin], 2 * plain[thin], rtol=0.02)
 
 
 def test_boards_over_the_ground_look_as_rendered(sky, scene):
