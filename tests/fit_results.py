@@ -39,7 +39,7 @@ def made_up_result(inputs: FitInputs, *, converged: bool = True) -> FitResult:
 
 
 def _image(inputs: FitInputs, factor: float) -> SimulatedImage:
-    numbers = tuple(inputs.target.statistics)
+    numbers = tuple(inputs.target.quantiles)
     radiance = np.stack([inputs.observed[n] * np.float32(factor) for n in numbers])
     radiance[:, 0, :] = np.nan
     cloud = np.isfinite(radiance[0]).astype(float)
@@ -50,6 +50,6 @@ def _image(inputs: FitInputs, factor: float) -> SimulatedImage:
 def _distances(inputs: FitInputs, image: SimulatedImage):
     weights = image.cloud.reshape(-1)
     return {
-        number: distances(band.quantiles, image.band(number).reshape(-1), weights)
-        for number, band in inputs.target.statistics.items()
+        number: distances(table, image.band(number).reshape(-1), weights)
+        for number, table in inputs.target.quantiles.items()
     }

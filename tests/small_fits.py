@@ -4,10 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from cloudjax import Band, ClassTexture, CloudClass, Gaussian, Ladder, imagery_classes
-from cloudjax_fit.histogram import quantiles
-from cloudjax_fit.targets import BandStatistics, Target, block_of_pixels
+from cloudjax import (
+    Band,
+    ClassTexture,
+    CloudClass,
+    Gaussian,
+    Ladder,
+    LatLonGrid,
+    imagery_classes,
+)
+from cloudjax.clouds.class_parameters import Prior
+from cloudjax.clouds.classes import ImageryRule
+from cloudjax_fit.observation import target_of
+from cloudjax_fit.targets import Target
 from cloudjax_scenes import Imagery
+from cloudjax_scenes.background import Background
 from cloudjax_scenes.cloud_rule import CloudRule
 from tests.generated import (
     EARTH_SUN_DISTANCE_AU,
@@ -25,11 +36,26 @@ RULE = CloudRule(1, 0.25, 13, 270.0)
 
 
 def small_class(name: str = "low", hours: float = 0.0, **changes) -> CloudClass:
-    """The low class of fits with one coarse texture."""
+    """A low class with one coarse texture, whose extinction is alike everywhere."""
     texture = ClassTexture(Ladder(Gaussian(), 15e3, 7.5e3), 1.0, 0.5, hours)
-    return replace(
-        imagery_classes()["low_stratus"], name=name, textures=(texture,), **changes
-    )
+    usual = imagery_classes()["low_stratus"]
+    given = {
+        "name": name,
+        "textures": (texture,),
+        "threshold": -1.2,
+        "extinction_growth": 0.0,
+        "conditions": replace(
+            usual.conditions, shell_bottom_m=300.0, shell_top_m=2500.0
+        ),
+        "imagery": ImageryRule(warmer_than_standard_at_m=4000.0, altitude_m=2250.0),
+        "priors": {
+            "top_m": Prior(400.0, 2500.0, 200.0),
+            "barrier_scale_m": Prior(30.0, 2500.0, 0.5, log=True),
+            "extinction_per_m": Prior(1e-6, 1.0, 0.5, log=True),
+            "infrared_ratio": Prior(0.1, 60.0, 0.1, log=True),
+        },
+    }
+    return replace(usual, **(given | changes))
 
 
 def full_slab(depth: float, **changes) -> CloudClass:
@@ -85,36 +111,20 @@ def small_imagery(
         "latitude_deg": axes[0],
         "longitude_deg": axes[1],
         "fractions": {name: np.full((8, 8), fraction) for name in names},
-        "backgrounds": {n: sea[n] for n in bands},
+        "background": Background(
+            LatLonGrid.from_axes(*axes), {n: sea[n] for n in bands}
+        ),
     }
     return Imagery(**(given | changes))
 
 
-def small_target(
-    imagery: Imagery, images: dict[int, np.ndarray], cloud: np.ndarray
-) -> Target:
-    """The target of images, with statistics that are counted pixel by pixel."""
-    block = block_of_pixels(SHAPE, BLOCKS)
-    statistics = {}
-    for number, image in images.items():
-        chosen, where = image.reshape(-1)[cloud.reshape(-1)], block[cloud.reshape(-1)]
-        low, high = 0.5 * chosen.min(), 1.2 * chosen.max()
-        edges = np.linspace(low, high, 17)
-        counts = [np.histogram(chosen[where == b], edges)[0] for b in range(16)]
-        statistics[number] = BandStatistics(
-            quantiles(chosen.astype(float)), float(low), float(high), np.array(counts)
-        )
-    return Target(
-        imagery,
-        statistics,
-        BLOCKS,
-        np.bincount(block[cloud.reshape(-1)], minlength=16),
-        np.bincount(block, minlength=16),
-    )
+def small_target(imagery: Imagery, images: dict[int, np.ndarray]) -> Target:
+    """The target of images all of whose pixels are good."""
+    return target_of(imagery, images, np.ones(SHAPE, bool), BLOCKS)
 
 
-def flecked(seed: int = 0) -> tuple[dict[int, np.ndarray], np.ndarray]:
-    """Images of bands 1 and 13 with bright, cold blocks of cloud, and where it is."""
+def flecked(seed: int = 0) -> dict[int, np.ndarray]:
+    """Images of bands 1 and 13 with bright, cold blocks of cloud."""
     rng = np.random.default_rng(seed)
     cover = np.kron(rng.uniform(0.2, 0.9, BLOCKS), np.ones((6, 6)))
     cloud = rng.random(SHAPE) < cover
@@ -122,4 +132,4 @@ def flecked(seed: int = 0) -> tuple[dict[int, np.ndarray], np.ndarray]:
     kappa0 = BANDS[1].coefficients(EARTH_SUN_DISTANCE_AU)["kappa0"]
     bright = np.where(cloud, thick + 0.03 * rng.standard_normal(SHAPE), 0.05)
     kelvin = np.where(cloud, 289 - 20 * thick + rng.standard_normal(SHAPE), 289.0)
-    return {1: bright / kappa0, 13: default_calibration(13).radiance(kelvin)}, cloud
+    return {1: bright / kappa0, 13: default_calibration(13).radiance(kelvin)}

@@ -19,6 +19,8 @@ from cloudjax_fit.parameters import Parameter, put_all, with_overrides
 from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.targets import Target
 from cloudjax_scenes import Imagery, SceneFromImagery, simulate_image
+from cloudjax_scenes.background import Background
+from cloudjax_scenes.lights import PAPER
 from tests.generated import default_calibration, window, write_abi_l1b
 
 
@@ -27,14 +29,14 @@ BANDS = (1, 3, 13)
 # As many as fits have: with half, the march leaves dents in the objective
 # (docs/decisions.md).
 STEPS = 24
-# What each scene of clouds below is made of; the rest stays at its default. So does the
-# fine weight of low cloud, which the histograms know to 6 % only (docs/decisions.md).
+# What each scene of clouds below is made of; the rest stays at its default.
 TRUTH = {
     "cirrus.weight_fine": 0.7,
     "cirrus.weight_worley": 0.35,
     "cirrus.threshold": 0.25,
     "cirrus.top": 8600.0,
     "cirrus.extinction": 3e-4,
+    "low_stratus.weight_fine": 0.65,
     "low_stratus.weight_worley": 0.7,
     "low_stratus.threshold": -0.3,
     "low_stratus.top": 2100.0,
@@ -65,7 +67,7 @@ def make_twin(folder: Path, seed: int = 3) -> Twin:
     truth = put_all(scene, free, jnp.asarray([TRUTH[p.name] for p in free]))
     image = simulate_image(truth, made_of)
     _write(folder / "twin", {b: image.band(b) for b in BANDS}, seed)
-    seen = observe(open_folder(folder / "twin").read(BANDS), BANDS)
+    seen = _observed(folder / "twin")
     target = _with_weather(seen, weather)
     vague = {p.name: {"spread": 2 * p.spread} for p in free}
     parameters = with_overrides(free, vague)
@@ -75,8 +77,14 @@ def make_twin(folder: Path, seed: int = 3) -> Twin:
         parameters,
         rays=SHAPE[0] * SHAPE[1],
         seed=seed,
+        texture=False,
     )
     return Twin(target, problem, parameters)
+
+
+def _observed(folder: Path) -> Target:
+    scene = open_folder(folder).read(BANDS)
+    return observe(scene, BANDS, classes=PAPER.imagery_classes())
 
 
 def _weather(folder: Path, seed: int) -> Imagery:
@@ -92,18 +100,19 @@ def _weather(folder: Path, seed: int) -> Imagery:
         for b in BANDS
     }
     _write(folder, images, seed)
-    first = observe(open_folder(folder).read(BANDS), BANDS).imagery
+    first = _observed(folder).imagery
     shape = len(first.latitude_deg), len(first.longitude_deg)
     fractions = {
         name: np.clip(0.5 + 0.3 * _smooth(rng, shape), 0.1, 0.9)
         for name in first.fractions
     }
     sea = {1: 0.10, 3: 0.03, 13: 289.0}
-    backgrounds = {
-        b: np.full(shape, default_calibration(b).radiance(np.array([sea[b]])).item())
+    radiance = {
+        b: np.full(SHAPE, default_calibration(b).radiance(np.array([sea[b]])).item())
         for b in first.bands
     }
-    return replace(first, fractions=fractions, backgrounds=backgrounds)
+    background = Background(first.grid, radiance)
+    return replace(first, fractions=fractions, background=background, evidence={})
 
 
 def _smooth(rng: np.random.Generator, shape) -> np.ndarray:
@@ -131,9 +140,10 @@ def _noise(calibration) -> float:
 def _with_weather(seen: Target, weather: Imagery) -> Target:
     imagery = replace(
         seen.imagery,
-        backgrounds=weather.backgrounds,
+        background=weather.background,
         fractions=weather.fractions,
         latitude_deg=weather.latitude_deg,
         longitude_deg=weather.longitude_deg,
+        evidence={},
     )
     return replace(seen, imagery=imagery)

@@ -13,14 +13,17 @@ from .options import fit_options
 def demo(output, **options) -> int:
     """Fit the embedded scene and write its report; needs no network.
 
-    The scene is GOES-17 off southern California, 2019-10-27 20:00 UTC, bands 1, 3, 13.
+    The scene is GOES-17 off southern California, 2019-10-27 20:00 UTC, bands 1, 3, 13,
+    fitted in the paper's light, which is compiled in a third of the time.
     """
     from cloudjax_data.whole_files import require_writable
     from cloudjax_fit.embedded import embedded_target
+    from cloudjax_fit.fitting import FitSettings
     from cloudjax_fit.settings import Settings, with_options
+    from cloudjax_scenes.lights import PAPER
 
     from .fit_folder import fit_and_write
 
     require_writable(output)
-    settings = with_options(Settings(), options)
+    settings = with_options(Settings(fit=FitSettings(light=PAPER.name)), options)
     return fit_and_write(embedded_target(), Path(output), settings.fit)

@@ -63,7 +63,7 @@ classes_option = click.option(
     "--classes", metavar="TOML", help="Classes of cloud, in place of the built-in ones."
 )
 
-light_option = click.option("--light", help="physical or paper.  [default: paper]")
+light_option = click.option("--light", help="physical or paper.  [default: physical]")
 
 # Of earlier releases, whose textures had voxels to choose. It still does no harm.
 resolution_option = click.option(
@@ -78,6 +78,7 @@ _FIT_OPTIONS = (
     click.option("--starts", type=int, help="Starts; the best fit is kept."),
     click.option("--max-steps", type=int, help="Steps of the solver at most."),
     click.option("--seed", type=int, help="Of clouds, rays and starts."),
+    click.option("--statistics", help="texture, or values alone.  [default: texture]"),
     light_option,
 )
 

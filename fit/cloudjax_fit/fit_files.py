@@ -95,7 +95,7 @@ def fit_numbers(result: FitResult) -> dict[str, Any]:
             "cloud_optical_depth": optical_depths(result),
             "clouds": {n: _cloud_numbers(c) for n, c in condensate(result).items()},
             "bands": {
-                str(n): _band_numbers(result, n) for n in result.target.statistics
+                str(n): _band_numbers(result, n) for n in result.target.quantiles
             },
             "parameters": {
                 e.parameter.name: _estimate_numbers(e) for e in result.estimates
@@ -110,7 +110,7 @@ def fit_numbers(result: FitResult) -> dict[str, Any]:
 
 def cloud_fractions(result: FitResult) -> dict[str, float]:
     """Share of the pixels with data that counts as cloud, observed and simulated."""
-    seen = np.isfinite(result.image.radiance).all(axis=0) & result.target.counted
+    seen = np.isfinite(result.image.radiance).all(axis=0) & result.target.good
     return {
         "observed": result.target.cloud_fraction,
         "start": float(result.start.cloud[seen].mean()),
@@ -120,14 +120,14 @@ def cloud_fractions(result: FitResult) -> dict[str, float]:
 
 def optical_depths(result: FitResult) -> dict[str, float]:
     """Quartiles of the vertical optical depth at 0.64 µm of the cloudy pixels."""
-    image, counted = result.image, result.target.counted
+    image, counted = result.image, result.target.good
     return _named(_quartiles(image.optical_depth[(image.cloud > 0.5) & counted]))
 
 
 def condensate(result: FitResult) -> dict[str, Condensate]:
     """What each class of the fitted clouds is made of."""
     share, classes = result.made_of.light.share, result.made_of.classes
-    counted = result.target.counted
+    counted = result.target.good
     return {
         layer.name: _condensate(
             one, float(layer.extinction_per_m) / share, depth[counted]
@@ -177,7 +177,7 @@ def fit_report(result: FitResult, observed_images: Images | None = None) -> FitR
         scene=_facts(result),
         status=_status_sentence(result),
         converged=result.converged,
-        bands=[_band_report(result, n, images) for n in result.target.statistics],
+        bands=[_band_report(result, n, images) for n in result.target.quantiles],
         clouds=condensate(result),
         parameters=[_row(estimate) for estimate in result.estimates],
         undetermined=result.undetermined,
@@ -285,7 +285,7 @@ def _band_report(result: FitResult, number: int, observed: Images) -> BandReport
         number=number,
         name=simulated.title,
         units=band.units,
-        observed=result.target.statistics[number].quantiles,
+        observed=result.target.quantiles[number],
         simulated_start=_pixels(result, result.start, number),
         simulated_fit=_pixels(result, result.image, number),
         distances_start=result.distances_start[number],
@@ -297,7 +297,7 @@ def _band_report(result: FitResult, number: int, observed: Images) -> BandReport
 
 
 def _pixels(result: FitResult, image, number: int) -> WeightedPixels:
-    counted = result.target.counted
+    counted = result.target.good
     return WeightedPixels(image.band(number)[counted], image.cloud[counted])
 
 

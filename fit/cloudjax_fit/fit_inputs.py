@@ -23,6 +23,7 @@ from cloudjax_scenes.cloud_rule import BRIGHT, COLD_K
 from cloudjax_scenes.data_errors import data_errors
 from cloudjax_scenes.daylight import is_day, sun_heights_deg
 from cloudjax_scenes.imagery_scene import SceneFromImagery
+from cloudjax_scenes.lights import light_named
 from cloudjax_scenes.weather_analysis import Analysis
 from cloudjax_scenes.weather_cover import held_share
 
@@ -111,10 +112,11 @@ def read_inputs(
     chosen = tuple(bands or settings.bands or default_bands(folder))
     known = fitted.classes if fitted else None
     known = known or _classes(classes, settings, folder)
+    told = known or light_named(settings.fit.light).imagery_classes()
     scene = folder.read(chosen).on_common_grid()
     analysis = None if ignore_weather else read_analysis(folder, scene)
     weather = None if analysis is None else analysis.cube
-    target = observe(scene, chosen, cloud_rule(settings, chosen), known, weather)
+    target = observe(scene, chosen, cloud_rule(settings, chosen), told, weather)
     if weather_mask:
         if analysis is None:
             raise DataError(
@@ -122,7 +124,8 @@ def read_inputs(
                 "analysis of that hour, or do without --weather-mask."
             )
         target = replace(target, imagery=analysis.masked(target.imagery, known))
-    made_of = settings.fit.scene_from(target.imagery, analysis, known)
+    placed = fitted is None or fitted.classes is None
+    made_of = settings.fit.scene_from(target.imagery, analysis, known, placed=placed)
     observed = {number: band.radiance for number, band in scene.bands.items()}
     parameters = changed_parameters(settings, made_of, to_fit=fitted is None)
     return FitInputs(settings, target, made_of, parameters, observed, fitted)

@@ -11,7 +11,7 @@ import numpy as np
 from cloudjax import CloudClass, Scene
 from cloudjax_scenes.imagery import Imagery
 from cloudjax_scenes.imagery_scene import SceneFromImagery
-from cloudjax_scenes.lights import PAPER, light_named
+from cloudjax_scenes.lights import PHYSICAL, light_named
 from cloudjax_scenes.simulated_image import SimulatedImage, simulate_image
 from cloudjax_scenes.weather_analysis import Analysis
 
@@ -25,6 +25,10 @@ from .targets import Target
 from .uncertainty import Estimate, estimate
 
 
+# What fits compare: radiances of single pixels, or neighbours and bands together too.
+VALUES, TEXTURE = STATISTICS = "values", "texture"
+
+
 @dataclass(frozen=True)
 class FitSettings:
     """How a fit is done.
@@ -36,6 +40,8 @@ class FitSettings:
     - `starts`: the defaults, and this many less one drawn from the priors.
     - `max_steps`: of the solver from each start.
     - `seed`: of textures, rays, starts and bootstrap.
+    - `statistics`: what is compared, one of `STATISTICS`: radiances alone, or texture
+      too.
     - `light`: the strategy for sunlight, one of `cloudjax_scenes.LIGHTS`.
     """
 
@@ -44,17 +50,21 @@ class FitSettings:
     starts: int = 1
     max_steps: int = 150
     seed: int = 0
-    light: str = PAPER.name
+    statistics: str = TEXTURE
+    light: str = PHYSICAL.name
 
     def scene_from(
         self,
         imagery: Imagery,
         analysis: Analysis | None = None,
         classes: Mapping[str, CloudClass] | None = None,
+        *,
+        placed: bool = True,
     ) -> SceneFromImagery:
-        """Return what the fitted scene is built of."""
+        """Return what the fitted scene is built of: see `SceneFromImagery`."""
+        light = light_named(self.light)
         return SceneFromImagery(
-            imagery, analysis, light_named(self.light), classes, self.seed, self.steps
+            imagery, analysis, light, classes, self.seed, self.steps, placed
         )
 
 
@@ -127,6 +137,7 @@ def fit(
         free,
         rays=settings.rays,
         seed=settings.seed,
+        texture=settings.statistics == TEXTURE,
     )
     clock.lap("prepare")
     solver = Solver(problem, max_steps=settings.max_steps, on_step=on_step)
@@ -135,7 +146,7 @@ def fit(
     best = min((solver(problem, z) for z in starts), key=_merit)
     clock.lap("solve")
     estimates, undetermined = estimate(
-        problem, target, starts[0], best, seed=settings.seed
+        problem, free, starts[0], best, seed=settings.seed
     )
     clock.lap("uncertainty")
     fitted = put_all(scene, free, values_of(free, jnp.asarray(best.z)))
@@ -186,11 +197,11 @@ def _merit(solution: Solution) -> tuple[bool, float]:
 
 
 def _distances(target: Target, image: SimulatedImage) -> dict[int, Distances]:
-    counted = target.counted
+    counted = target.good
     weights = image.cloud[counted]
     return {
-        number: distances(band.quantiles, image.band(number)[counted], weights)
-        for number, band in target.statistics.items()
+        number: distances(table, image.band(number)[counted], weights)
+        for number, table in target.quantiles.items()
     }
 
 

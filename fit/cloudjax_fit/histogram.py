@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 from jax.core import Tracer
-from jaxtyping import Array, Float, Num
+from jaxtyping import Array, Float, Int, Num
 
 
 def _floating(x) -> Array:
@@ -71,6 +71,17 @@ def spline_histogram(
 
     Use `jax.vmap` for several bands.
     """
+    return deposit(values, weights, bins, jnp.zeros(values.shape, int), 1)[0]
+
+
+def deposit(
+    values: Float[Array, " n"],
+    weights: Float[Array, " n"],
+    bins: Bins,
+    block: Int[Array, " n"],
+    blocks: int,
+) -> Float[Array, "{blocks} bins"]:
+    """Deposits as `spline_histogram`, in a histogram for each block of the image."""
     unseen = (weights == 0) & ~jnp.isfinite(values)
     values = jnp.where(unseen, bins.low, values)
     position = (values - bins.low) / bins.width - 0.5
@@ -82,9 +93,11 @@ def spline_histogram(
     to_right = weights * (0.5 + offset) ** 2 / 2
     # Subtracting, rather than weights * (3/4 - offset²), loses no weight to rounding.
     to_nearest = weights - to_left - to_right
-    empty = jnp.zeros(bins.count, to_left.dtype)
-    deposited = empty.at[nearest].add(to_nearest)
-    return deposited.at[nearest - 1].add(to_left).at[nearest + 1].add(to_right)
+    place = block * bins.count + nearest
+    empty = jnp.zeros(blocks * bins.count, to_left.dtype)
+    deposited = empty.at[place].add(to_nearest)
+    deposited = deposited.at[place - 1].add(to_left).at[place + 1].add(to_right)
+    return deposited.reshape(blocks, bins.count)
 
 
 def cumulative(histogram: Float[Array, " bins"]) -> Float[Array, " bins"]:
@@ -202,14 +215,25 @@ def sample_of(
     return Sample(values[seen], masses[seen], count)
 
 
-def quantiles(values: Pixels, count: int = 1001) -> Quantiles:
+def quantiles(
+    values: Pixels, count: int = 1001, weights: Pixels | None = None
+) -> Quantiles:
     """Reduces pixels to `count` quantiles, evenly spaced from minimum to maximum.
+
+    With `weights`, each pixel stands for the part of the distribution that its weight
+    is of all.
 
     Raises `ValueError` when `values` is empty or not finite.
     """
-    sample = sample_of(values)
+    sample = sample_of(values, weights)
     probabilities = np.linspace(0.0, 1.0, count)
-    table = np.quantile(sample.values, probabilities)
+    order = np.argsort(sample.values)
+    ranked, mass = sample.values[order], sample.weights[order]
+    # The first value is at 0 and the last at 1, as numpy has it for equal weights.
+    middle = np.cumsum(mass) - mass / 2
+    span = middle[-1] - middle[0]
+    place = (middle - middle[0]) / span if span > 0 else np.zeros(len(ranked))
+    table = np.interp(probabilities, place, ranked)
     # Interpolation between equal values may round below the first of them.
     return Quantiles(probabilities, np.maximum.accumulate(table), sample.count)
 

@@ -1,6 +1,6 @@
-"""What a fit makes small: differences of cumulative histograms, band by band.
+"""What a fit makes small: differences of statistics, simulated less observed.
 
-Of the residuals tried, differences of cumulative histograms alone let
+Of the residuals tried for radiances, differences of cumulative histograms alone let
 Levenberg-Marquardt find the parameters from every start (docs/decisions.md).
 """
 
@@ -17,17 +17,13 @@ from cloudjax import FractalCloud, Scene, View, look, radiances
 from cloudjax_data import sun_direction
 from cloudjax_scenes.cloud_rule import CloudRule
 
-from .histogram import Bins, cumulative, spline_histogram
-from .parameters import Parameter, put_all, values_of
+from .functionals import Pairs, Pixels
+from .parameters import Parameter, Parameters
+from .ray_choice import draw_rays
+from .statistics import Statistics
 from .targets import Target, block_of_pixels
 
 
-# A residual of 1 is a difference of 1/SCALE between the cumulative histograms, what
-# some thousand independent pixels leave undecided; it weighs as much as one standard
-# deviation of a prior.
-SCALE = 60.0
-# The covered share of the whole sky is one number beside the bins of a histogram.
-COVERAGE_SCALE = 2 * SCALE
 # By how much another draw of the same clouds changes the covered share f of one block
 # of the image: BLOCK_SPREAD where f is a half, less towards clear and overcast blocks,
 # and BLOCK_FLOOR there. A histogram does not see where clouds are; this keeps them in
@@ -45,26 +41,32 @@ class Problem(eqx.Module):
 
     - `scene`: at the parameters' defaults; without what only views are made of.
     - `view`: of the rays; eq. (1) is linear in it, and no parameter changes it.
-    - `bins`, `observed`: of each of the scene's bands: [bands] and [bands bins].
-    - `cloud_fraction`: observed, of the whole image.
+    - `statistics`: observed, that simulated ones are compared with.
+    - `known`: 1 for rays that count, 0 for those that fill up.
     - `block_of_ray`, `block_rays`: the block of the image that each ray is in, and the
       number of rays in each block.
+    - `pairs`: of rays that are neighbours.
     - `block_fraction`: observed cloud fraction of each block, of its good pixels.
     - `block_weight`: how much each block has a say, 1 where it is seen, 0 where not.
-    - `parameters`, `rule`: static.
+    - `parameters`: that are fitted; `rule`: static.
     """
 
     scene: Scene
     view: View
-    bins: Bins
-    observed: Float[Array, "bands bins"]
-    cloud_fraction: Float[Array, ""]
+    statistics: Statistics
+    known: Float[Array, " rays"]
     block_of_ray: Int[Array, " rays"]
     block_rays: Float[Array, " blocks"]
+    pairs: Pairs
     block_fraction: Float[Array, " blocks"]
     block_weight: Float[Array, " blocks"]
-    parameters: tuple[Parameter, ...] = eqx.field(static=True)
+    parameters: Parameters
     rule: CloudRule = eqx.field(static=True)
+
+    def pixels(self, seen: Float[Array, "bands rays"], weights) -> Pixels:
+        """Return the rays as pixels."""
+        radiance = seen / self.statistics.deviations[:, None]
+        return Pixels(radiance, weights, self.known, self.block_of_ray, self.pairs)
 
 
 def simulate(
@@ -72,19 +74,19 @@ def simulate(
 ) -> tuple[Float[Array, "bands rays"], Float[Array, " rays"]]:
     """Radiances of the rays and the share of each that is selected as cloud."""
     seen = _seen(values, problem)
-    scene = put_all(problem.scene, problem.parameters, values)
+    scene = problem.parameters.put(problem.scene, values)
     return seen, problem.rule.weights(seen, scene)
-
-
-def _total(values, problem: Problem, view: View) -> Float[Array, "bands rays"]:
-    scene = put_all(problem.scene, problem.parameters, values)
-    return scene.total(radiances(scene, view))
 
 
 @eqx.filter_custom_jvp
 def _seen(values, problem: Problem) -> Float[Array, "bands rays"]:
     """Radiances of the rays, with derivatives by the values in either mode."""
     return _total(values, problem, problem.view)
+
+
+def _total(values, problem: Problem, view: View) -> Float[Array, "bands rays"]:
+    scene = problem.parameters.put(problem.scene, values)
+    return scene.total(radiances(scene, view))
 
 
 @_seen.def_jvp
@@ -116,36 +118,48 @@ def _with_jacobian(
         jacobian, bands = jax.jacrev(seen, has_aux=True)(values)
         return bands, jacobian
 
-    rays = jnp.arange(problem.block_of_ray.shape[0])
+    count = problem.block_of_ray.shape[0]
     # All that so many need fits the cache of a CPU core.
-    at_once = 128 if jax.default_backend() == "cpu" else 1 << 14
-    return jax.lax.map(of_ray, rays, batch_size=min(at_once, len(rays)))
+    at_once = min(128 if jax.default_backend() == "cpu" else 1 << 14, count)
+    # Filled up: a rest would be compiled once more.
+    rays = jnp.arange(-(-count // at_once) * at_once) % count
+    found = jax.lax.map(of_ray, rays, batch_size=at_once)
+    return jax.tree.map(lambda each: each[:count], found)
 
 
 def residuals(
     z: Float[Array, " parameters"], problem: Problem
 ) -> Float[Array, " residuals"]:
-    """Of the histograms band by band, of the coverage, and of the priors."""
-    values = values_of(problem.parameters, z)
-    seen, weights = simulate(problem, values)
-    histogram = jax.vmap(spline_histogram, (0, None, 0))(seen, weights, problem.bins)
-    shape = SCALE * (jax.vmap(cumulative)(histogram) - problem.observed)
-    surprise = [p.surprise(values[i]) for i, p in enumerate(problem.parameters)]
-    return jnp.concatenate(
-        [shape.reshape(-1), _coverage(weights, problem), jnp.stack(surprise)]
-    )
+    """Of all statistics, of the coverage block by block, and of the priors."""
+    return residuals_and_sums(z, problem)[0]
 
 
-def _coverage(weights, problem: Problem) -> Float[Array, " one_and_blocks"]:
-    whole = weights.mean() - problem.cloud_fraction
+def residuals_and_sums(
+    z: Float[Array, " parameters"], problem: Problem
+) -> tuple[Float[Array, " residuals"], list[Float[Array, "blocks _ _"]]]:
+    """Also return the sums that the statistics are found from."""
+    seen, weights = simulate(problem, problem.parameters.values(z))
+    blocks = len(problem.block_rays)
+    sums = problem.statistics.sums(problem.pixels(seen, weights), blocks)
+    found = [
+        one.residuals(some)
+        for one, some in zip(problem.statistics.all, sums, strict=True)
+    ]
+    places = _places(sums[-1][:, 0], problem)
+    rows = jnp.concatenate([*found, places, problem.parameters.surprise(z)])
+    return rows, sums
+
+
+def _places(
+    cover: Float[Array, "blocks 2"], problem: Problem
+) -> Float[Array, " blocks"]:
+    """Of the covered share of each block."""
     observed = problem.block_fraction
-    total = jnp.zeros_like(observed).at[problem.block_of_ray].add(weights)
     # A block that no ray fell into says nothing.
-    seen = problem.block_rays > 0
-    simulated = jnp.where(seen, total / jnp.maximum(problem.block_rays, 1), observed)
+    seen = cover[:, 1] > 0
+    simulated = jnp.where(seen, cover[:, 0] / jnp.maximum(cover[:, 1], 1), observed)
     spread = jnp.sqrt(BLOCK_FLOOR**2 + 4 * BLOCK_SPREAD**2 * observed * (1 - observed))
-    blocks = problem.block_weight * (simulated - observed) / spread
-    return jnp.concatenate([COVERAGE_SCALE * whole[None], blocks])
+    return problem.block_weight * (simulated - observed) / spread
 
 
 def pose(
@@ -155,6 +169,7 @@ def pose(
     *,
     rays: int,
     seed: int,
+    texture: bool = True,
 ) -> tuple[Problem, Int[np.ndarray, " rays"]]:
     """Choose rays and lay them through the scene.
 
@@ -165,67 +180,50 @@ def pose(
 
     - `scene`: of the target's imagery, at the parameters' defaults.
     - `rays`: how many, drawn by `seed`.
+    - `texture`: whether neighbouring pixels are compared.
 
     **Returns:** the problem and the pixels that its rays belong to.
     """
-    pixels = _draw_pixels(target, rays, seed)
-    imagery = target.imagery
+    chosen = draw_rays(target, rays, seed, texture=texture)
+    imagery, pixels = target.imagery, chosen.pixels
     view = look(scene, imagery.grid.rays(pixels), sun_direction(imagery.time))
     block = block_of_pixels(imagery.grid.shape, target.blocks)[pixels]
-    bands = [target.statistics[number] for number in scene.bands]
-    bins = Bins(
-        jnp.asarray([b.low for b in bands]),
-        jnp.asarray([b.high for b in bands]),
-        bands[0].block_counts.shape[1],
-    )
+    valid = target.block_valid
+    statistics = target.statistics
     problem = Problem(
         scene=_as_looked_at(scene),
         view=view,
-        bins=bins,
-        observed=_observed(bands, bins),
-        cloud_fraction=jnp.asarray(target.cloud_fraction, float),
+        statistics=statistics if chosen.lags else statistics.values_alone(),
+        known=jnp.asarray(chosen.known, float),
         block_of_ray=jnp.asarray(block),
         block_rays=jnp.asarray(
-            np.bincount(block, minlength=len(target.block_valid)), float
+            np.bincount(block, chosen.known, minlength=len(valid)), float
         ),
-        block_fraction=jnp.asarray(
-            target.block_cloud / np.maximum(target.block_valid, 1), float
-        ),
+        pairs=Pairs.of(chosen.pairs, chosen.known),
+        block_fraction=jnp.asarray(target.block_cloud / np.maximum(valid, 1), float),
         block_weight=jnp.asarray(
             np.sqrt(np.minimum(target.block_share / BLOCK_ENOUGH, 1)), float
         ),
-        parameters=tuple(parameters),
+        parameters=Parameters.of(parameters),
         rule=imagery.rule,
     )
     return problem, pixels
 
 
 def _as_looked_at(scene: Scene) -> Scene:
-    """The scene once there is a view: seeds, masks and winds serve no more.
+    """The scene once there is a view: seeds, masks, winds and fields serve no more.
 
     Scenes that differ in these alone share one compiled function.
     """
     layers = tuple(
         replace(
             layer,
-            cloud=replace(layer.cloud, seed=0, mask=None, displacements=None),
+            cloud=replace(
+                layer.cloud, seed=0, mask=None, displacements=None, fields=None
+            ),
         )
         if isinstance(layer.cloud, FractalCloud)
         else layer
         for layer in scene.layers
     )
     return replace(scene, layers=layers)
-
-
-def _observed(bands, bins: Bins) -> Float[Array, "bands bins"]:
-    """Cumulative histograms, deposited as the simulated ones are."""
-    values = jnp.stack([jnp.asarray(b.quantiles.equal_weights(), float) for b in bands])
-    deposit = jax.vmap(spline_histogram, (0, None, 0))
-    return jax.vmap(cumulative)(deposit(values, jnp.ones(values.shape[1]), bins))
-
-
-def _draw_pixels(target: Target, count: int, seed: int) -> Int[np.ndarray, " rays"]:
-    grid = target.imagery.grid
-    usable = np.flatnonzero(grid.sees_the_earth() & target.counted)
-    chosen = np.random.default_rng(seed).permutation(usable)[:count]
-    return np.sort(chosen)

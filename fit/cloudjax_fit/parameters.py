@@ -11,9 +11,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from cloudjax import Scene, put
 
@@ -60,32 +61,26 @@ class Parameter:
         """The value on the parameter's own scale, where its prior is Gaussian."""
         return jnp.log(value) if self.log else value
 
-    def value(self, z: Float[Array, ""]) -> Float[Array, ""]:
-        low, high = self._ends
-        middle, slope = self._logistic
-        scaled = low + (high - low) * jax.nn.sigmoid(middle + slope * z)
-        return jnp.exp(scaled) if self.log else scaled
-
     def unbounded(self, value: float) -> float:
         """The inverse of `value`."""
-        middle, slope = self._logistic
+        middle, slope = self.logistic
         return (self._logit(value) - middle) / slope
 
-    def surprise(self, value: Float[Array, ""]) -> Float[Array, ""]:
-        """Standard deviations of the prior away from its middle."""
-        middle = math.log(self.default) if self.log else self.default
-        return (self.scaled(value) - middle) / self.spread
+    @property
+    def centre(self) -> float:
+        """The middle of the prior, on the parameter's own scale."""
+        return math.log(self.default) if self.log else self.default
 
     @property
-    def _logistic(self) -> tuple[float, float]:
+    def logistic(self) -> tuple[float, float]:
         """Logit of the default, and how much of it a prior's deviation is."""
-        low, high = self._ends
+        low, high = self.ends
         middle = self._logit(self.default)
         share = 1 / (1 + math.exp(-middle))
         return middle, self.spread / ((high - low) * share * (1 - share))
 
     def _logit(self, value: float) -> float:
-        low, high = self._ends
+        low, high = self.ends
         share = ((math.log(value) if self.log else value) - low) / (high - low)
         if not 0 < share < 1:
             raise ValueError(self._out_of_bounds(value))
@@ -98,10 +93,74 @@ class Parameter:
         )
 
     @property
-    def _ends(self) -> tuple[float, float]:
+    def ends(self) -> tuple[float, float]:
+        """The bounds on the parameter's own scale."""
         if self.log:
             return math.log(self.lower), math.log(self.upper)
         return self.lower, self.upper
+
+
+class Parameters(eqx.Module):
+    """Parameters of a fit as arrays: scenes of one structure share compiled functions.
+
+    **Fields:**
+
+    - `paths`: where they sit in the scene.
+    - `low`, `high`: bounds, on each parameter's own scale, and `log`: whether that is
+      logarithmic.
+    - `middle`, `slope`: of the logistic curve from z to the part of the way between
+      the bounds.
+    - `centre`, `spread`: of the priors, on that scale.
+    """
+
+    paths: tuple[str, ...] = eqx.field(static=True)
+    low: Float[Array, " parameters"]
+    high: Float[Array, " parameters"]
+    log: Bool[Array, " parameters"]
+    middle: Float[Array, " parameters"]
+    slope: Float[Array, " parameters"]
+    centre: Float[Array, " parameters"]
+    spread: Float[Array, " parameters"]
+
+    @classmethod
+    def of(cls, parameters: Sequence[Parameter]) -> "Parameters":
+        """Collect the numbers of parameters."""
+
+        def column(numbers) -> Array:
+            return jnp.asarray(list(numbers), float)
+
+        return cls(
+            paths=tuple(p.path for p in parameters),
+            low=column(p.ends[0] for p in parameters),
+            high=column(p.ends[1] for p in parameters),
+            log=jnp.asarray([p.log for p in parameters], bool),
+            middle=column(p.logistic[0] for p in parameters),
+            slope=column(p.logistic[1] for p in parameters),
+            centre=column(p.centre for p in parameters),
+            spread=column(p.spread for p in parameters),
+        )
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def values(self, z: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """Return the parameters in their own units."""
+        scaled = self.scaled(z)
+        # The inner choice keeps what is not logarithmic from overflowing.
+        return jnp.where(self.log, jnp.exp(jnp.where(self.log, scaled, 0.0)), scaled)
+
+    def scaled(self, z: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """Return the parameters on their own scales, where priors are Gaussian."""
+        share = jax.nn.sigmoid(self.middle + self.slope * z)
+        return self.low + (self.high - self.low) * share
+
+    def surprise(self, z: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """Return standard deviations of the priors away from their middles."""
+        return (self.scaled(z) - self.centre) / self.spread
+
+    def put(self, scene: Scene, values: Float[Array, " parameters"]) -> Scene:
+        """Return the scene with all of them changed."""
+        return put(scene, {path: values[i] for i, path in enumerate(self.paths)})
 
 
 def put_all(
@@ -114,7 +173,7 @@ def put_all(
 def values_of(
     parameters: Sequence[Parameter], z: Float[Array, " parameters"]
 ) -> Float[Array, " parameters"]:
-    return jnp.stack([p.value(z[i]) for i, p in enumerate(parameters)])
+    return Parameters.of(parameters).values(z)
 
 
 def unbounded_of(

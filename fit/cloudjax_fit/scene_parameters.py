@@ -8,6 +8,7 @@ sit in the scene is told by paths.
 from collections.abc import Iterable
 
 from cloudjax import Band, ClassParameter, CloudClass, nominal_bands
+from cloudjax.clouds.class_parameters import RESPONSES
 from cloudjax_scenes.imagery_scene import SceneFromImagery, path_reflectance
 from cloudjax_scenes.lights import LIGHTS, PAPER, Light
 
@@ -26,7 +27,8 @@ def scene_parameters(made_of: SceneFromImagery) -> list[Parameter]:
         class_parameter(one, parameter, light)
         for one in made_of.classes
         for parameter in one.parameters
-        if emissive or parameter.key != "infrared_ratio"
+        if (emissive or parameter.key != "infrared_ratio")
+        and (one.name in imagery.evidence or parameter.key not in RESPONSES)
     ]
     if imagery.sunlit:
         if light is PAPER:

@@ -41,7 +41,7 @@ from cloudjax_scenes.data_errors import data_errors
 from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.lights import LIGHTS
 
-from .fitting import FitSettings
+from .fitting import STATISTICS, FitSettings
 from .parameters import Parameter, unbounded_of, with_overrides
 from .scene_parameters import known_names, scene_parameters
 
@@ -54,6 +54,7 @@ _FIT = {
     "starts": within(1, 10**4),
     "max_steps": within(1, 10**6),
     "seed": within(0, 2**62),
+    "statistics": one_of(list(STATISTICS)),
     "light": one_of(list(LIGHTS)),
 }
 _BAND = Kind("a whole number from 1 to 16", lambda n: is_whole(n) and 1 <= n <= 16)

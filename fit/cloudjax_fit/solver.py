@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .objective import Problem, residuals
+from .objective import Problem, residuals_and_sums
 
 
 # Of a prior's standard deviation, and of a residual's: a step that changes less is no
@@ -35,6 +35,7 @@ class Solution:
     - `z`: the parameters on the solver's scale.
     - `converged`, `message`: whether it stopped at a minimum, and what it says.
     - `jacobian`: of the residuals there.
+    - `sums`: that the simulated statistics are found from, block by block.
     - `history`: half the sum of squared residuals after each step.
     - `seconds`: of wall time.
     """
@@ -43,6 +44,7 @@ class Solution:
     converged: bool
     message: str
     jacobian: Float[np.ndarray, "residuals parameters"]
+    sums: list[Float[np.ndarray, "blocks _ _"]]
     history: tuple[float, ...]
     seconds: float
 
@@ -67,12 +69,11 @@ class Solver:
         started = time.perf_counter()
         z = jnp.zeros(len(problem.parameters))
         state = _levenberg_marquardt().init(
-            _residuals_and_none,
+            residuals_and_sums,
             z,
             problem,
             {},
-            eqx.filter_eval_shape(residuals, z, problem),
-            None,
+            *eqx.filter_eval_shape(residuals_and_sums, z, problem),
             frozenset(),
         )
         state = eqx.tree_at(
@@ -107,6 +108,7 @@ class Solver:
             message,
             # That of the last accepted point is kept: none has to be compiled.
             np.asarray(_as_matrix(ended.f_info.jac), float),
+            [np.asarray(sums, float) for sums in ended.aux],
             (*losses, loss),
             seconds,
         )
@@ -123,10 +125,10 @@ class Solver:
         solver = _levenberg_marquardt(lambda **facts: told.update(facts))
         state = eqx.combine(state, self._static)
         found, state, _ = solver.step(
-            _residuals_and_none, z, problem, {}, state, frozenset()
+            residuals_and_sums, z, problem, {}, state, frozenset()
         )
         ends, result = solver.terminate(
-            _residuals_and_none, found, problem, {}, state, frozenset()
+            residuals_and_sums, found, problem, {}, state, frozenset()
         )
         facts = _Facts(
             tried_loss=told["loss_this_step"][1],
@@ -151,10 +153,6 @@ class _Facts(NamedTuple):
     loss: Array
     ends: Array
     sound: Array
-
-
-def _residuals_and_none(z, problem: Problem):
-    return residuals(z, problem), None
 
 
 def _levenberg_marquardt(

@@ -3,37 +3,51 @@
 import dataclasses
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from cloudjax import Band, Ellipsoid, FixedGrid
+from cloudjax import Band, Ellipsoid, FixedGrid, LatLonGrid
 from cloudjax.light.bands import PLANCK
 from cloudjax_data import DataError, earth_sun_distance_au
 from cloudjax_data.whole_files import staged
+from cloudjax_scenes.background import Background
 from cloudjax_scenes.cloud_rule import CloudRule
 from cloudjax_scenes.imagery import Imagery
+from cloudjax_scenes.imagery_evidence import ClassEvidence
 from cloudjax_scenes.netcdf import write_netcdf
 
 from .histogram import Quantiles
-from .targets import BandStatistics, Target
+from .statistics_file import STATISTICS, read_statistics, statistics_groups
+from .targets import Target
 
 
 _KIND = "cloudjax fit target"
+_EVIDENCE = "evidence"
+_FIELD_CELLS = ("field_latitude", "field_longitude")
+# Scan angles of a background, which may be of fewer and larger pixels than the scene.
+_Y, _X = "background_y", "background_x"
 
 
 def write_target(path: str | os.PathLike[str], target: Target) -> None:
     """Write a target to one file, whole or not at all.
 
-    Quantiles, fractions and backgrounds are rounded to float32; geometry, time,
-    coefficients and counts are kept as they are.
+    Fractions and fields are rounded to thousandths, statistics to tenths of a pixel,
+    quantiles and backgrounds to float32; geometry, time and coefficients are kept as
+    they are.
     """
     path = Path(path)
     groups = {"/": _root(target)} | {
         f"/{band.name}": _band_dataset(target, number)
         for number, band in target.imagery.bands.items()
+    }
+    groups |= statistics_groups(target.statistics)
+    groups |= {
+        f"/{_EVIDENCE}/{name}": _evidence_dataset(told)
+        for name, told in target.imagery.evidence.items()
     }
     with staged(path.parent) as folder:
         write_netcdf(folder / path.name, xr.DataTree.from_dict(groups))
@@ -49,6 +63,11 @@ def read_target(path: str | os.PathLike[str]) -> Target:
         with xr.open_datatree(path, engine="netcdf4") as tree:
             if tree.attrs.get("kind") != _KIND:
                 raise DataError(f"{path} holds no target of a fit: give another file.")
+            if STATISTICS not in tree.children:
+                raise DataError(
+                    f"{path} is of an earlier version, without statistics of texture: "
+                    "make it again from its scene."
+                )
             return _target(tree.load())
     except (OSError, RuntimeError) as error:
         raise DataError(f"{path} cannot be read as netCDF: write it again.") from error
@@ -57,16 +76,14 @@ def read_target(path: str | os.PathLike[str]) -> Target:
 def _root(target: Target) -> xr.Dataset:
     imagery, grid = target.imagery, target.imagery.grid
     cells = ("latitude", "longitude")
-    fractions = np.stack(list(imagery.fractions.values())).astype(np.float32)
+    fractions = _rounded(np.stack(list(imagery.fractions.values())))
     rule = dataclasses.asdict(imagery.rule)
     rule = {key: value for key, value in rule.items() if value is not None}
     return xr.Dataset(
         {
             "fraction": (("cloud_class", *cells), fractions),
-            "block_cloud": ("block", _counts(target.block_cloud)),
-            "block_valid": ("block", _counts(target.block_valid)),
-        }
-        | _good(target),
+            "good": (("y", "x"), target.good.astype(np.int8)),
+        },
         coords={
             "cloud_class": list(imagery.fractions),
             "latitude": ("latitude", imagery.latitude_deg, {"units": "degrees_north"}),
@@ -95,49 +112,97 @@ def _root(target: Target) -> xr.Dataset:
     )
 
 
-def _good(target: Target) -> dict:
-    if target.good is None:
-        return {}
-    return {"good": (("y", "x"), target.good.astype(np.int8))}
+def _rounded(values: np.ndarray) -> np.ndarray:
+    """Thousandths take a third of the space of all digits."""
+    return np.round(values, 3).astype(np.float32)
+
+
+def _evidence_dataset(told: ClassEvidence) -> xr.Dataset:
+    # Cells of their own, wider than those of the fractions.
+    return xr.Dataset(
+        {"fields": ((*_FIELD_CELLS, "field"), _rounded(told.nodes))},
+        coords={
+            name: (name, axis)
+            for name, axis in zip(
+                _FIELD_CELLS, (told.latitude_deg, told.longitude_deg), strict=True
+            )
+        },
+        attrs={"top_m": told.top_m},
+    )
 
 
 def _band_dataset(target: Target, number: int) -> xr.Dataset:
-    imagery, known = target.imagery, target.statistics[number]
-    band, table = imagery.bands[number], known.quantiles
+    imagery, table = target.imagery, target.quantiles[number]
+    band = imagery.bands[number]
     solar = {"solar_irradiance": band.solar_irradiance} if band.sunlit else {}
+    axes, coordinates = _axes(imagery.background.grid)
     return xr.Dataset(
         {
             "quantile": ("probability", table.values.astype(np.float32)),
-            "block_counts": (("block", "bin"), _counts(known.block_counts)),
             "background": (
-                ("latitude", "longitude"),
-                imagery.backgrounds[number].astype(np.float32),
+                axes,
+                imagery.background.radiance[number].astype(np.float32),
             ),
         },
-        coords={"probability": table.probabilities},
+        coords={"probability": table.probabilities} | coordinates,
         attrs={
             "band": band.number,
             "wavelength_um": band.wavelength_um,
             "units": band.units,
             "n_pixels": table.count,
-            "low": known.low,
-            "high": known.high,
         }
         | solar
         | {f"coefficient_{k}": v for k, v in imagery.coefficients(number).items()},
     )
 
 
+def _axes(grid: LatLonGrid | FixedGrid) -> tuple[tuple[str, str], dict]:
+    """The dimensions of backgrounds, and the coordinates that the root lacks."""
+    if isinstance(grid, LatLonGrid):
+        return ("latitude", "longitude"), {}
+    axes = {_Y: grid.y_rad, _X: grid.x_rad}
+    return (_Y, _X), {n: (n, angles, {"units": "rad"}) for n, angles in axes.items()}
+
+
+def _background(
+    grid: FixedGrid, root: xr.Dataset, groups: Mapping[int, xr.Dataset]
+) -> Background:
+    radiance = {
+        n: data["background"].to_numpy().astype(float) for n, data in groups.items()
+    }
+    some = next(iter(groups.values()))["background"]
+    if _X in some.dims:
+        x_rad, y_rad = (some[axis].to_numpy() for axis in (_X, _Y))
+        return Background(replace(grid, x_rad=x_rad, y_rad=y_rad), radiance)
+    # On the cells of the fractions, as in files of earlier versions.
+    axes = (root[axis].to_numpy() for axis in ("latitude", "longitude"))
+    return Background(LatLonGrid.from_axes(*axes), radiance)
+
+
 def _target(tree: xr.DataTree) -> Target:
     a, root = tree.attrs, tree.dataset
-    groups = {int(g.attrs["band"]): g.dataset for g in tree.children.values()}
+    bands = [g for g in tree.children.values() if "band" in g.attrs]
+    groups = {int(g.attrs["band"]): g.dataset for g in bands}
+    evidence = tree.children.get(_EVIDENCE)
+    told = {} if evidence is None else evidence.children
+    imagery = _imagery(a, root, groups)
     return Target(
-        imagery=_imagery(a, root, groups),
-        statistics={number: _statistics(data) for number, data in groups.items()},
+        imagery=replace(
+            imagery,
+            evidence={name: _evidence(group.dataset) for name, group in told.items()},
+        ),
+        quantiles={number: _quantiles(groups[number]) for number in imagery.bands},
+        statistics=read_statistics(tree),
         blocks=(int(a["blocks"][0]), int(a["blocks"][1])),
-        block_cloud=root["block_cloud"].to_numpy().astype(np.int64),
-        block_valid=root["block_valid"].to_numpy().astype(np.int64),
-        good=root["good"].to_numpy() == 1 if "good" in root else None,
+        good=root["good"].to_numpy() == 1,
+    )
+
+
+def _evidence(data: xr.Dataset) -> ClassEvidence:
+    return ClassEvidence(
+        *(data[axis].to_numpy() for axis in _FIELD_CELLS),
+        data["fields"].to_numpy().astype(float),
+        float(data.attrs["top_m"]),
     )
 
 
@@ -146,18 +211,19 @@ def _imagery(a, root: xr.Dataset, groups: Mapping[int, xr.Dataset]) -> Imagery:
     time = time.replace(tzinfo=time.tzinfo or UTC)
     # Absent from files of earlier versions.
     distance_au = float(a.get("earth_sun_distance_au", earth_sun_distance_au(time)))
+    grid = FixedGrid(
+        x_rad=root["x"].to_numpy(),
+        y_rad=root["y"].to_numpy(),
+        subsatellite_longitude_deg=float(a["subsatellite_longitude_deg"]),
+        perspective_height_m=float(a["perspective_height_m"]),
+        ellipsoid=Ellipsoid(float(a["semi_major_m"]), float(a["semi_minor_m"])),
+        sweep=a["sweep"],
+    )
     return Imagery(
         name=str(a["name"]),
         platform=str(a["platform"]),
         time=time,
-        grid=FixedGrid(
-            x_rad=root["x"].to_numpy(),
-            y_rad=root["y"].to_numpy(),
-            subsatellite_longitude_deg=float(a["subsatellite_longitude_deg"]),
-            perspective_height_m=float(a["perspective_height_m"]),
-            ellipsoid=Ellipsoid(float(a["semi_major_m"]), float(a["semi_minor_m"])),
-            sweep=a["sweep"],
-        ),
+        grid=grid,
         rule=_rule(_prefixed(a, "rule_")),
         bands={n: _band(data.attrs, distance_au) for n, data in groups.items()},
         earth_sun_distance_au=distance_au,
@@ -167,9 +233,7 @@ def _imagery(a, root: xr.Dataset, groups: Mapping[int, xr.Dataset]) -> Imagery:
             str(name): root["fraction"].sel(cloud_class=name).to_numpy().astype(float)
             for name in root["cloud_class"].to_numpy()
         },
-        backgrounds={
-            n: data["background"].to_numpy().astype(float) for n, data in groups.items()
-        },
+        background=_background(grid, root, groups),
     )
 
 
@@ -190,17 +254,11 @@ def _band(a, distance_au: float) -> Band:
     )
 
 
-def _statistics(data: xr.Dataset) -> BandStatistics:
-    a = data.attrs
-    return BandStatistics(
-        quantiles=Quantiles(
-            data["probability"].to_numpy(),
-            data["quantile"].to_numpy().astype(float),
-            int(a["n_pixels"]),
-        ),
-        low=float(a["low"]),
-        high=float(a["high"]),
-        block_counts=data["block_counts"].to_numpy().astype(np.int64),
+def _quantiles(data: xr.Dataset) -> Quantiles:
+    return Quantiles(
+        data["probability"].to_numpy(),
+        data["quantile"].to_numpy().astype(float),
+        int(data.attrs["n_pixels"]),
     )
 
 
@@ -222,7 +280,3 @@ def _prefixed(attributes, prefix: str) -> dict:
         for key, value in attributes.items()
         if key.startswith(prefix)
     }
-
-
-def _counts(counts: np.ndarray) -> np.ndarray:
-    return counts.astype(np.int32)

@@ -1,4 +1,4 @@
-"""What a fit aims at: imagery, and the statistics of its cloud pixels.
+"""What a fit aims at: imagery, and the statistics of its pixels.
 
 A target is made from a scene's files or read back from a small netCDF file, and is
 fitted in the same way.
@@ -12,29 +12,7 @@ from jaxtyping import Bool, Float, Int
 from cloudjax_scenes.imagery import Imagery
 
 from .histogram import Quantiles
-
-
-# Broad enough to hold dozens of rays each: with fewer, the derivative of a histogram
-# jumps as rays change bins, and a solver creeps.
-BINS = 32
-
-
-@dataclass(frozen=True, eq=False)
-class BandStatistics:
-    """The cloud pixels of one band.
-
-    **Fields:**
-
-    - `quantiles`: of their radiances.
-    - `low`, `high`: the range of the histograms.
-    - `block_counts`: histograms of each block of the image: what blocks differ by tells
-      how sure the histogram is.
-    """
-
-    quantiles: Quantiles
-    low: float
-    high: float
-    block_counts: Int[np.ndarray, "blocks bins"]
+from .statistics import Coverage, Statistics
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,29 +22,29 @@ class Target:
     **Fields:**
 
     - `imagery`: what a scene that looks like it is built of.
-    - `statistics`: of the cloud pixels, by band.
+    - `quantiles`: of the radiances of cloud, by band.
+    - `statistics`: that a fit compares, of the bands in the order of `quantiles`.
     - `blocks`: rows and columns of blocks that the image is cut into.
-    - `block_cloud`, `block_valid`: cloud pixels and good pixels of each block.
-    - `good`: the pixels that the statistics are of; None where a file of an earlier
-      version does not tell them: then those of blocks that hold any.
+    - `good`: the pixels that the statistics are of.
     """
 
     imagery: Imagery
-    statistics: dict[int, BandStatistics]
+    quantiles: dict[int, Quantiles]
+    statistics: Statistics
     blocks: tuple[int, int]
-    block_cloud: Int[np.ndarray, " blocks"]
-    block_valid: Int[np.ndarray, " blocks"]
-    good: Bool[np.ndarray, "y x"] | None = None
+    good: Bool[np.ndarray, "y x"]
 
     @property
-    def counted(self) -> Bool[np.ndarray, "y x"]:
-        """The pixels that count: what lies elsewhere is compared with nothing."""
-        if self.good is not None:
-            return self.good
-        shape = self.imagery.grid.shape
-        return (self.block_valid > 0)[block_of_pixels(shape, self.blocks)].reshape(
-            shape
-        )
+    def block_valid(self) -> Int[np.ndarray, " blocks"]:
+        """Good pixels of each block."""
+        block = block_of_pixels(self.imagery.grid.shape, self.blocks)
+        count = self.blocks[0] * self.blocks[1]
+        return np.bincount(block[self.good.reshape(-1)], minlength=count)
+
+    @property
+    def block_cloud(self) -> Float[np.ndarray, " blocks"]:
+        """Cloud of each block, in pixels."""
+        return np.asarray(self._coverage.observed, float)[:, 0, 0]
 
     @property
     def block_share(self) -> Float[np.ndarray, " blocks"]:
@@ -77,8 +55,12 @@ class Target:
 
     @property
     def cloud_fraction(self) -> float:
-        """Cloud pixels over good pixels."""
-        return float(self.block_cloud.sum() / self.block_valid.sum())
+        """Cloud over good pixels."""
+        return float(self.block_cloud.sum() / self.good.sum())
+
+    @property
+    def _coverage(self) -> Coverage:
+        return self.statistics.coverage
 
 
 def block_of_pixels(

@@ -14,16 +14,15 @@ in which the prior takes part as residuals of unit variance.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .objective import COVERAGE_SCALE, SCALE, Problem, simulate
-from .parameters import Parameter, values_of
+from .objective import Problem
+from .parameters import Parameter
 from .solver import Solution
-from .targets import Target
+from .statistics import Statistics
 
 
 RESAMPLES = 400
@@ -54,34 +53,32 @@ class Estimate:
 
 def estimate(
     problem: Problem,
-    target: Target,
+    parameters: Sequence[Parameter],
     z_start: Float[Array, " parameters"],
     solution: Solution,
     *,
     seed: int,
 ) -> tuple[list[Estimate], list[str]]:
-    """Values with standard deviations, and in words what the data do not determine."""
-    z_fit = jnp.asarray(solution.z)
-    noise = _noise(problem, target, z_fit, seed)
+    """Values with standard deviations, and in words what the data do not determine.
+
+    **Arguments:** `parameters`: those of the problem.
+    """
+    noise = _noise(problem, solution.sums, seed)
     covariance = _sandwich(solution.jacobian, noise)
-    start = np.asarray(values_of(problem.parameters, z_start), float)
-    value = np.asarray(values_of(problem.parameters, z_fit), float)
-    slopes = np.asarray(
-        [
-            jax.grad(lambda z, p=p: p.scaled(p.value(z)))(z_fit[i])
-            for i, p in enumerate(problem.parameters)
-        ],
-        float,
-    )
+    z_fit = jnp.asarray(solution.z)
+    own = problem.parameters
+    start = np.asarray(own.values(z_start), float)
+    value = np.asarray(own.values(z_fit), float)
+    slopes = np.diag(np.asarray(jax.jacfwd(own.scaled)(z_fit), float))
     # On each parameter's own scale, in standard deviations of its prior.
-    spreads = np.array([p.spread for p in problem.parameters])
+    spreads = np.array([p.spread for p in parameters])
     relative = covariance * np.outer(slopes / spreads, slopes / spreads)
     deviations = np.sqrt(np.diag(relative))
     estimates = [
         _estimate(*row)
-        for row in zip(problem.parameters, value, start, deviations, strict=True)
+        for row in zip(parameters, value, start, deviations, strict=True)
     ]
-    return estimates, _undetermined(problem.parameters, relative)
+    return estimates, _undetermined(parameters, relative)
 
 
 def _estimate(parameter: Parameter, value, start, deviation) -> Estimate:
@@ -108,56 +105,33 @@ def _sandwich(jacobian, noise) -> Float[np.ndarray, "parameters parameters"]:
     return bread @ (jacobian.T @ noise @ jacobian) @ bread
 
 
-def _noise(problem, target, z, seed) -> Float[np.ndarray, "residuals residuals"]:
-    """Covariance of all residuals; those of the priors are independent and 1."""
-    observed = np.concatenate(
-        [_per_block(target.statistics[n].block_counts) for n in problem.scene.bands]
-    )
+def _noise(
+    problem: Problem, simulated, seed: int
+) -> Float[np.ndarray, "residuals residuals"]:
+    """Covariance of all residuals.
+
+    Those of places and of the priors are independent and 1.
+    """
     rng = np.random.default_rng(seed)
-    data = _bootstrap(observed, target.block_cloud, target.block_valid, rng)
-    data = data + _bootstrap(*_simulated_blocks(problem, target, z), rng)
-    blocks = len(problem.block_fraction)
-    size = len(data) + blocks + len(problem.parameters)
-    noise = np.eye(size)
+    statistics = problem.statistics
+    observed = [np.asarray(one.observed, float) for one in statistics.all]
+    data = _bootstrap(statistics, observed, rng)
+    data = data + _bootstrap(statistics, simulated, rng)
+    noise = np.eye(len(data) + len(problem.block_fraction) + len(problem.parameters))
     noise[: len(data), : len(data)] = data
     return noise
 
 
-def _per_block(counts) -> Float[np.ndarray, "bins blocks"]:
-    return np.asarray(counts, float).T
-
-
-def _simulated_blocks(problem: Problem, target: Target, z):
-    """Histograms and cloud counts of the simulation, block by block."""
-    seen, weights = eqx.filter_jit(simulate)(problem, values_of(problem.parameters, z))
-    block, weights = np.asarray(problem.block_of_ray), np.asarray(weights, float)
-    count = len(problem.block_fraction)
-    rows = []
-    for number, radiance in zip(problem.scene.bands, np.asarray(seen), strict=True):
-        band = target.statistics[number]
-        bins = np.linspace(band.low, band.high, band.block_counts.shape[1] + 1)
-        inside = np.clip(radiance, band.low, band.high)
-        edges = [np.arange(count + 1) - 0.5, bins]
-        rows.append(np.histogram2d(block, inside, bins=edges, weights=weights)[0].T)
-    cloud = np.bincount(block, weights, minlength=count)
-    return np.concatenate(rows), cloud, np.asarray(problem.block_rays, float)
-
-
-def _bootstrap(counts, cloud, valid, rng) -> Float[np.ndarray, "data data"]:
-    """Covariance of the residuals of all bands and of the coverage."""
-    known = valid > 0
-    counts, cloud, valid = counts[:, known], cloud[known], valid[known]
-    blocks = counts.shape[1]
+def _bootstrap(statistics: Statistics, sums, rng) -> Float[np.ndarray, "data data"]:
+    """Covariance of all numbers, blocks being drawn anew; one draw serves all."""
+    known = sums[-1][:, 0, 1] > 0
+    blocks = int(known.sum())
     draws = rng.multinomial(blocks, np.full(blocks, 1 / blocks), size=RESAMPLES)
-    resampled = draws @ counts.T
-    total = np.maximum(draws @ cloud, 1e-9)
-    coverage = total / np.maximum(draws @ valid, 1e-9)
-    bands = round(counts.sum() / max(cloud.sum(), 1e-9))
-    shape = resampled.reshape(RESAMPLES, bands, -1).cumsum(-1) / total[:, None, None]
-    rows = np.concatenate(
-        [SCALE * shape.reshape(RESAMPLES, -1), COVERAGE_SCALE * coverage[:, None]], 1
-    )
-    return np.cov(rows, rowvar=False)
+    numbers = []
+    for one, some in zip(statistics.all, sums, strict=True):
+        totals = np.tensordot(draws, some[known], axes=1)
+        numbers.append(np.asarray(jax.vmap(one.numbers)(jnp.asarray(totals, float))))
+    return np.cov(np.concatenate(numbers, axis=1), rowvar=False)
 
 
 def _undetermined(parameters: Sequence[Parameter], relative) -> list[str]:

@@ -6,11 +6,12 @@ from datetime import datetime
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax import Band
+from cloudjax import Band, LatLonGrid
 from cloudjax.geometry.geodesy import up
 from cloudjax.light import planck
 from cloudjax_data import DataError, sun_direction
 
+from .background import Background
 from .imagery_scene import path_reflectance
 from .lights import PAPER
 from .surface import Surface
@@ -21,14 +22,14 @@ from .surface import Surface
 TELLING = (1, 2, 3, 5, 6, 7, 11, 13, 14, 15)
 
 
-def assumed_backgrounds(
+def assumed_background(
     bands: Mapping[int, Band],
     surface: Surface,
     earth_sun_distance_au: float,
     time: datetime,
     latitude_deg: Float[np.ndarray, " lat"],
     longitude_deg: Float[np.ndarray, " lon"],
-) -> dict[int, Float[np.ndarray, "lat lon"]]:
+) -> Background:
     """Return radiances by band of the ground of a table, under the air that scatters.
 
     What the air absorbs and emits is left out, some kelvins in a window.
@@ -61,4 +62,4 @@ def assumed_backgrounds(
             (emissivity,) = surface.emissivity([number], φ, λ)
             radiance += emissivity * planck.radiance(*band.planck, kelvin)
         found[number] = radiance.reshape(len(latitude_deg), len(longitude_deg))
-    return found
+    return Background(LatLonGrid.from_axes(latitude_deg, longitude_deg), found)

@@ -1,8 +1,8 @@
 """Which pixels are cloud: bright in a reflective band, or cold in a window band.
 
-The rule stands in where no cloud product is at hand. It is applied to the observed
-radiances as it stands and to the simulated ones with soft edges, so that both
-histograms are of the same kind of pixel and the fit has a derivative.
+The rule stands in where no cloud product is at hand. As it stands it says where the
+clouds of imagery are. Statistics of observed and of simulated radiances take it with
+soft edges, so that both are of the same kind of pixel and a fit has a derivative.
 """
 
 from collections.abc import Mapping
@@ -71,9 +71,10 @@ class CloudRule:
     def weights(
         self, radiance: Float[Array, "bands rays"], scene: Scene
     ) -> Float[Array, " rays"]:
-        """The softly selected share of each simulated pixel.
+        """The softly selected share of each pixel.
 
-        **Arguments:** `radiance`: in each of `scene.bands`.
+        **Arguments:** `radiance`: in each of `scene.bands`; of the scene, the bands are
+        all that counts.
         """
         clear = jnp.asarray(1.0)
         reflective, emissive = scene.reflective, scene.emissive

@@ -4,15 +4,25 @@ How much cloud of each class stands where, what the clear pixels look like, and 
 pixels look at them. `imagery_reduction.py` makes it of a scene's files.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax import Band, FixedGrid
+from cloudjax import (
+    Band,
+    EmissiveBands,
+    FixedGrid,
+    ReflectiveBands,
+    Scene,
+    TwoFlux,
+)
 
+from .background import Background
 from .cloud_rule import CloudRule
+from .imagery_evidence import ClassEvidence
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +36,11 @@ class Imagery:
     - `rule`: which pixels count as cloud.
     - `bands`: by number. Band 7 sees the sun by day only.
     - `earth_sun_distance_au`: of the date.
-    - `latitude_deg`, `longitude_deg`: of the grid of fractions and backgrounds.
+    - `latitude_deg`, `longitude_deg`: of the grid of fractions.
     - `fractions`: of the sky covered by each class of cloud, as seen past those above.
-    - `backgrounds`: radiance without cloud, by band.
+    - `background`: radiance without cloud.
+    - `evidence`: what the clouds of each class are like from place to place, as far as
+      the bands tell.
     - `notes`: sentences on what had to be assumed.
     """
 
@@ -42,7 +54,8 @@ class Imagery:
     latitude_deg: Float[np.ndarray, " lat"]
     longitude_deg: Float[np.ndarray, " lon"]
     fractions: dict[str, Float[np.ndarray, "lat lon"]]
-    backgrounds: dict[int, Float[np.ndarray, "lat lon"]]
+    background: Background
+    evidence: dict[str, ClassEvidence] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
@@ -54,6 +67,16 @@ class Imagery:
     def emissive(self) -> list[Band]:
         """The bands that emit."""
         return [band for band in self.bands.values() if not band.reflective]
+
+    @property
+    def empty_scene(self) -> Scene:
+        """A scene of these bands and nothing else, to say what radiances mean."""
+        return Scene(
+            layers=(),
+            reflective=ReflectiveBands.of(self.sunlit, self.earth_sun_distance_au),
+            emissive=EmissiveBands.of(self.emissive),
+            reflection=TwoFlux(indirect=jnp.asarray(0.0)),
+        )
 
     def coefficients(self, number: int) -> dict[str, float]:
         """Return what radiance means in a band on the date: see `Band.coefficients`."""

@@ -1,19 +1,25 @@
 """From the radiances of a scene to its clouds by class, and the ground below them."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import gaussian_filter
 
-from cloudjax import Band, CloudClass, FixedGrid, imagery_classes, nominal_bands
-from cloudjax.air.atmosphere import temperature_k
-from cloudjax.geometry.geodesy import geodetic, intersect, up
+from cloudjax import (
+    Band,
+    CloudClass,
+    FixedGrid,
+    LatLonGrid,
+    imagery_classes,
+    nominal_bands,
+)
+from cloudjax.geometry.geodesy import up
 from cloudjax_data import (
     AbiBand,
     AbiScene,
     DataError,
+    EmissiveCalibration,
     ReflectiveCalibration,
     WeatherCube,
     earth_sun_distance_au,
@@ -21,16 +27,29 @@ from cloudjax_data import (
 )
 from cloudjax_data.plain_path import printable
 
-from .assumed_ground import assumed_backgrounds
+from .assumed_ground import assumed_background
+from .background import (
+    Background,
+    ClearPixels,
+    clear_pixels,
+    observed_background,
+)
+from .cells import Cells, places_at
+from .class_pixels import ClassPixels, Shown, tell_classes
 from .cloud_rule import CloudRule, default_rule
 from .daylight import LOWEST_SUN_DEG
 from .imagery import Imagery
+from .imagery_evidence import CELL_PIXELS as EVIDENCE_PIXELS
+from .imagery_evidence import ClassEvidence, Seen, class_evidence, cloud_albedo
 from .surface import STANDARD_K, Surface
 
 
-# Cells of the grid of fractions are this many pixels wide, and no narrower than this.
-CELL_PIXELS = 8
-CELL_DEG = 0.2
+# Cells of the grid of fractions are this many pixels wide.
+CELL_PIXELS = 3
+# Sine of its height from which on the sun tells albedos.
+LOWEST_SUN = np.sin(np.radians(LOWEST_SUN_DEG))
+# Cells of a ground that is assumed.
+ASSUMED_PIXELS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +105,23 @@ def reduce_scene(
             f"{_folder(scene)} holds {cloud.sum()} cloud pixels ({rule}), and a fit "
             f"needs {fewest_cloud_pixels}: choose another scene or another rule."
         )
-    cells = _Cells.covering(grid, good)
-    window = kelvin.get(rule.cold_band) if rule.cold_band else None
-    classes = imagery_classes() if classes is None else classes
     known = {n: _band(band, day) for n, band in scene.bands.items()}
-    backgrounds, notes = _backgrounds(scene, cells, good & ~cloud, known, weather)
+    clear = clear_pixels(grid, good & ~cloud, reflectance)
+    background, notes = _background(scene, good, clear, known, weather)
+    shown = Shown(
+        good,
+        cloud,
+        good & ~cloud & ~clear.sure,
+        reflectance.get(rule.bright_band) if rule.bright_band else None,
+        kelvin.get(rule.cold_band) if rule.cold_band else None,
+    )
+    classes = imagery_classes() if classes is None else classes
+    told = tell_classes(shown, classes)
+    cells = Cells.covering(grid, good, CELL_PIXELS)
+    fractions = {
+        name: _fraction(cells, grid, _altitude_m(classes[name]), pixels)
+        for name, pixels in told.items()
+    }
     imagery = Imagery(
         name=_folder(scene),
         platform=scene.platform,
@@ -101,11 +132,12 @@ def reduce_scene(
         earth_sun_distance_au=earth_sun_distance_au(scene.time),
         latitude_deg=cells.latitude_deg,
         longitude_deg=cells.longitude_deg,
-        fractions=_class_fractions(cells, grid, good, cloud, window, classes),
-        backgrounds=backgrounds,
+        fractions=fractions,
+        background=background,
         notes=(*scene.notes, *notes),
     )
-    return ReducedScene(imagery, images, good, cloud)
+    evidence = _evidence(scene, imagery, shown, told, classes)
+    return ReducedScene(replace(imagery, evidence=evidence), images, good, cloud)
 
 
 def _good(scene: AbiScene, grid: FixedGrid) -> Bool[np.ndarray, "y x"]:
@@ -152,16 +184,22 @@ def _is_light(scene: AbiScene, grid: FixedGrid) -> bool:
         for n, band in scene.bands.items()
         if isinstance(band.calibration, ReflectiveCalibration)
     ]
-    ground, hit = grid.rays().ground()
-    vertical = up(ground.latitude_deg, ground.longitude_deg)
-    height = np.degrees(np.arcsin(vertical @ sun_direction(scene.time)))
-    highest = float(height[hit].max()) if hit.any() else -90.0
+    height, hit = _sun_height(scene, grid)
+    highest = float(np.degrees(np.arcsin(height[hit].max()))) if hit.any() else -90.0
     if dark and highest < LOWEST_SUN_DEG:
         raise DataError(
             f"{_folder(scene)} is dark (the sun stands at {highest:.0f} deg at most), "
             f"so that bands {dark} see no cloud: fit bands of 7 to 16 alone."
         )
     return highest >= LOWEST_SUN_DEG
+
+
+def _sun_height(scene: AbiScene, grid: FixedGrid):
+    """Sine of the sun's height over each pixel, and whether it sees the Earth."""
+    ground, hit = grid.rays().ground()
+    vertical = up(ground.latitude_deg, ground.longitude_deg)
+    height = vertical @ sun_direction(scene.time)
+    return height.reshape(grid.shape), hit.reshape(grid.shape)
 
 
 def _rule(scene: AbiScene, day: bool) -> CloudRule:
@@ -171,115 +209,77 @@ def _rule(scene: AbiScene, day: bool) -> CloudRule:
         raise DataError(f"In {_folder(scene)} {error}.") from error
 
 
-class _Cells:
-    """A regular grid of latitude and longitude, and averages of pixels over it."""
-
-    def __init__(self, latitude_deg, longitude_deg, step_deg):
-        self.latitude_deg = latitude_deg
-        self.longitude_deg = longitude_deg
-        self.step_deg = step_deg
-
-    @staticmethod
-    def covering(grid: FixedGrid, good: Bool[np.ndarray, "y x"]) -> "_Cells":
-        ground, hit = grid.rays().ground()
-        seen = hit & good.reshape(-1)
-        footprint = np.nanmedian(grid.rays().footprint_m()[seen])
-        step = max(CELL_DEG, CELL_PIXELS * footprint / 111e3)
-        latitude = ground.latitude_deg[seen]
-        # Relative to the satellite, so that no image is cut at the date line.
-        east = _relative(ground.longitude_deg[seen], grid)
-        rows = np.arange(latitude.min() - step, latitude.max() + 2 * step, step)
-        columns = np.arange(east.min() - step, east.max() + 2 * step, step)
-        return _Cells(rows, columns + grid.subsatellite_longitude_deg, step)
-
-    def total(self, latitude_deg, longitude_deg, weights) -> Float[np.ndarray, "a b"]:
-        """The sum of weights over the pixels of each cell."""
-        middle = self.longitude_deg.mean()
-        east = (longitude_deg - middle + 180) % 360 - 180 + middle
-        edges = [
-            np.append(axis, axis[-1] + self.step_deg) - self.step_deg / 2
-            for axis in (self.latitude_deg, self.longitude_deg)
-        ]
-        return np.histogram2d(latitude_deg, east, bins=edges, weights=weights)[0]
-
-    def mean(self, latitude_deg, longitude_deg, values) -> Float[np.ndarray, "a b"]:
-        """Smooth averages; cells without pixels take from wider surroundings."""
-        total = self.total(latitude_deg, longitude_deg, values)
-        count = self.total(latitude_deg, longitude_deg, np.ones(len(values)))
-        result = np.full(total.shape, np.nan)
-        for width in (1, 2, 4, 8, 16, 32, 64):
-            pixels = gaussian_filter(count.astype(float), width, mode="constant")
-            enough = pixels > 0.05
-            mean = gaussian_filter(total, width, mode="constant") / np.where(
-                enough, pixels, 1
-            )
-            result = np.where(np.isnan(result) & enough, mean, result)
-        return np.where(np.isnan(result), total.sum() / max(count.sum(), 1), result)
+def _altitude_m(one: CloudClass) -> float:
+    middle_m = (one.shell.bottom_m + one.shell.top_m) / 2
+    told_m = None if one.imagery is None else one.imagery.altitude_m
+    return middle_m if told_m is None else told_m
 
 
-def _relative(longitude_deg, grid: FixedGrid):
-    return (longitude_deg - grid.subsatellite_longitude_deg + 180) % 360 - 180
+def _fraction(
+    cells: Cells, grid: FixedGrid, altitude_m: float, pixels: ClassPixels
+) -> Float[np.ndarray, "lat lon"]:
+    """The share of the sky that a class covers, as seen past those above it."""
+    latitude, longitude, hit = places_at(grid, altitude_m)
+    use = hit & pixels.seen.reshape(-1)
+    covered = pixels.own.reshape(-1)[use].astype(float)
+    return np.clip(cells.mean(latitude[use], longitude[use], covered), 0, 1)
 
 
-def _class_fractions(
-    cells: _Cells, grid, good, cloud, window_k, classes: Mapping[str, CloudClass]
-) -> dict[str, Float[np.ndarray, "lat lon"]]:
-    """The share of the sky that each class covers, as seen past those above it.
-
-    **Arguments:** `window_k`: brightness temperature; None where no window is seen.
-    """
+def _evidence(
+    scene: AbiScene,
+    imagery: Imagery,
+    shown: Shown,
+    told: Mapping[str, ClassPixels],
+    classes: Mapping[str, CloudClass],
+) -> dict[str, ClassEvidence]:
+    """What the pixels of each class tell, where both halves of the rule are seen."""
+    bright, cold = imagery.rule.bright_band, imagery.rule.cold_band
+    if bright is None or cold is None:
+        return {}
+    grid, below = scene.grid, imagery.background.on(scene.grid)
+    calibration = scene.bands[bright].calibration, scene.bands[cold].calibration
+    assert isinstance(calibration[0], ReflectiveCalibration)
+    assert isinstance(calibration[1], EmissiveCalibration)
+    height = np.maximum(_sun_height(scene, grid)[0], LOWEST_SUN)
+    seen = Seen(
+        cloud_albedo(
+            calibration[0].reflectance(scene.bands[bright].radiance) / height,
+            calibration[0].reflectance(below[bright]) / height,
+        ),
+        np.asarray(scene.bands[cold].radiance, float),
+        below[cold],
+    )
+    cells = Cells.covering(grid, shown.good, EVIDENCE_PIXELS)
+    masks = LatLonGrid.from_axes(imagery.latitude_deg, imagery.longitude_deg)
     found = {}
-    for name, one in classes.items():
-        rule = one.imagery
-        if rule is None:
-            continue
-        own, seen = cloud, good
-        if rule.colder_than_standard_at_m is not None:
-            if window_k is None:
-                continue
-            own = own & (window_k < _standard_k(rule.colder_than_standard_at_m))
-        if rule.warmer_than_standard_at_m is not None and window_k is not None:
-            above = cloud & (window_k < _standard_k(rule.warmer_than_standard_at_m))
-            own, seen = own & ~above, seen & ~above
-        if own.any():
-            middle_m = (one.shell.bottom_m + one.shell.top_m) / 2
-            altitude_m = middle_m if rule.altitude_m is None else rule.altitude_m
-            found[name] = _fraction(cells, grid, altitude_m, seen, own)
-    if not found:
-        raise DataError(
-            f"None of the classes {', '.join(classes)} takes a cloud pixel of the "
-            "scene: give one of them a table imagery whose conditions the clouds meet."
+    for name, pixels in told.items():
+        shell, places = classes[name].shell, places_at(grid, _altitude_m(classes[name]))
+        fraction = masks.sample(imagery.fractions[name][..., None], *places[:2])
+        found[name] = class_evidence(
+            cells,
+            places,
+            pixels.own,
+            np.asarray(fraction).reshape(grid.shape),
+            shell.top_m - shell.bottom_m,
+            seen,
+            calibration[1].brightness_temperature_k,
         )
     return found
 
 
-def _standard_k(altitude_m: float) -> float:
-    return float(temperature_k(altitude_m))
-
-
-def _fraction(cells, grid, altitude_m, good, cloud) -> Float[np.ndarray, "lat lon"]:
-    # Where the clouds stand, so that the line of sight's parallax is undone.
-    rays = grid.rays()
-    near, _, hit = intersect(
-        rays.origin_m, rays.direction, grid.ellipsoid.raised(altitude_m)
-    )
-    latitude, longitude, _ = geodetic(rays.at(near), grid.ellipsoid)
-    use = hit & good.reshape(-1)
-    covered = cloud.reshape(-1)[use].astype(float)
-    return np.clip(cells.mean(latitude[use], longitude[use], covered), 0, 1)
-
-
-def _backgrounds(
-    scene: AbiScene, cells: _Cells, clear, bands: Mapping[int, Band], weather
-) -> tuple[dict[int, Float[np.ndarray, "lat lon"]], tuple[str, ...]]:
-    """What is seen without clouds, by band, and sentences on what had to be assumed."""
-    if clear.any():
-        found = {
-            n: _background(cells, scene.grid, clear, band.radiance)
-            for n, band in scene.bands.items()
-        }
-        return found, ()
-    ground = assumed_backgrounds(
+def _background(
+    scene: AbiScene,
+    good: Bool[np.ndarray, "y x"],
+    clear: ClearPixels,
+    bands: Mapping[int, Band],
+    weather: WeatherCube | None,
+) -> tuple[Background, tuple[str, ...]]:
+    """What is seen without clouds, and sentences on what had to be assumed."""
+    if clear.sure.any():
+        radiance = {number: band.radiance for number, band in scene.bands.items()}
+        return observed_background(scene.grid, clear, radiance), ()
+    cells = Cells.covering(scene.grid, good, ASSUMED_PIXELS)
+    ground = assumed_background(
         bands,
         Surface.of(weather),
         earth_sun_distance_au(scene.time),
@@ -296,14 +296,6 @@ def _backgrounds(
         f"No pixel is clear: the ground is that of the table of land and sea, at {warm}"
         ", and not observed.",
     )
-
-
-def _background(cells, grid, clear, radiance) -> Float[np.ndarray, "lat lon"]:
-    """What the clear pixels show, on the grid of the cells."""
-    values = np.asarray(radiance, np.float64).reshape(-1)
-    ground, hit = grid.rays().ground()
-    use = hit & clear.reshape(-1)
-    return cells.mean(ground.latitude_deg[use], ground.longitude_deg[use], values[use])
 
 
 def _band(band: AbiBand, day: bool) -> Band:

@@ -13,6 +13,7 @@ from cloudjax import (
     Air,
     Band,
     CloudClass,
+    CoarseFields,
     DisplacementMap,
     EmissiveBands,
     MaskGrid,
@@ -42,6 +43,8 @@ class SceneFromImagery:
     - `light`: the strategy for light.
     - `known`: classes of cloud by name; None for those of the light.
     - `seed`: of all textures; `steps`: of the march through each shell.
+    - `placed`: whether clouds start as high as the imagery has them; no longer where
+      a fit has found how high they are.
     """
 
     imagery: Imagery
@@ -50,6 +53,7 @@ class SceneFromImagery:
     known: Mapping[str, CloudClass] | None = None
     seed: int = 0
     steps: int = 24
+    placed: bool = True
 
     def __post_init__(self):
         missing = [
@@ -63,8 +67,13 @@ class SceneFromImagery:
 
     @property
     def classes(self) -> tuple[CloudClass, ...]:
-        """Those that the imagery shows, one for each layer."""
-        return tuple(self.available[name] for name in self.imagery.fractions)
+        """Those that the imagery shows, one for each layer, and as high as there."""
+        evidence = self.imagery.evidence if self.placed else {}
+        found = [self.available[name] for name in self.imagery.fractions]
+        return tuple(
+            one.with_top(evidence[one.name].top_m) if one.name in evidence else one
+            for one in found
+        )
 
     @property
     def available(self) -> Mapping[str, CloudClass]:
@@ -100,6 +109,7 @@ class SceneFromImagery:
                 movable=True,
                 mask=mask,
                 displacements=maps,
+                fields=self.fields.get(one.name),
             )
             for i, (one, mask, maps) in enumerate(
                 zip(self.classes, self._masks(), self._displacements(), strict=True)
@@ -119,6 +129,11 @@ class SceneFromImagery:
             air=Air.of_bands(tuple(imagery.bands), humidity) if light.air else None,
             ground=ImagerySky.of(imagery),
         )
+
+    @property
+    def fields(self) -> dict[str, CoarseFields]:
+        """What clouds are like from place to place, by class."""
+        return {name: told.fields for name, told in self.imagery.evidence.items()}
 
     def _masks(self) -> list[MaskGrid]:
         imagery = self.imagery

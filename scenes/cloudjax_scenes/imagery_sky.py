@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax import Band, LatLonGrid
+from cloudjax import Band
 from cloudjax.geometry.path import device_array
 from cloudjax.geometry.rays import GroundPoints
 from cloudjax.light.ground import ClearRadiances, ClearSky, GroundSamples
@@ -20,7 +20,7 @@ MOST_SUN = 0.8
 
 
 class ImagerySky(ClearSky):
-    """Clear radiances of imagery, on its grid of cells.
+    """Clear radiances of imagery, on the grid that they have.
 
     Clear pixels show what band 7 reflects and emits as one: by day the sun's part is
     that of the surface's table, and what is left is emission.
@@ -29,7 +29,7 @@ class ImagerySky(ClearSky):
 
     - `reflective`, `emissive`: radiances of the bands that see the sun, and of those
       that emit; both parts in both.
-    - `grid`: the places of the cells.
+    - `grid`: their places.
     - `surface`: the table; None where no band is of both kinds.
     - `kappa0`: of the bands that see the sun.
     - `sunlit`, `thermal`: numbers of the bands.
@@ -49,7 +49,7 @@ class ImagerySky(ClearSky):
         return cls(
             reflective=_nodes(imagery, imagery.sunlit),
             emissive=_nodes(imagery, imagery.emissive),
-            grid=LatLonGrid.from_axes(imagery.latitude_deg, imagery.longitude_deg),
+            grid=imagery.background.grid,
             surface=Surface.of() if both else None,
             kappa0=tuple(imagery.coefficients(n)["kappa0"] for n in sunlit),
             sunlit=sunlit,
@@ -86,7 +86,7 @@ class ImagerySky(ClearSky):
 
 def _nodes(
     imagery: Imagery, bands: list[Band]
-) -> Float[np.ndarray, "lat lon bands"] | None:
+) -> Float[np.ndarray, "rows columns bands"] | None:
     if not bands:
         return None
-    return np.stack([imagery.backgrounds[b.number] for b in bands], axis=-1)
+    return np.stack([imagery.background.radiance[b.number] for b in bands], axis=-1)

@@ -119,7 +119,8 @@ class Analysis:
             field = np.nan_to_num(self.fractions(classes[name].conditions))
             asked = self._grid().sample((known * field)[..., None], φ, λ)[..., 0]
             fractions[name] = np.where(held, asked / np.where(held, given, 1), seen)
-        return replace(imagery, fractions=fractions)
+        # What imagery tells of its clouds is not said of those of the weather.
+        return replace(imagery, fractions=fractions, evidence={})
 
     @ft.cached_property
     def _regular(self) -> WeatherCube:

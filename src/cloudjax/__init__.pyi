@@ -82,6 +82,8 @@ from .weather.advection import Wind as Wind
 from .weather.advection import displace as displace
 from .weather.advection import displacement_map as displacement_map
 from .weather.advection import propagate as propagate
+from .weather.coarse_fields import CoarseFields as CoarseFields
+from .weather.coarse_fields import Response as Response
 from .weather.masks import AbstractMask as AbstractMask
 from .weather.masks import Conditions as Conditions
 from .weather.masks import DrawnMask as DrawnMask

@@ -151,7 +151,7 @@ def _label_and_text(line: str) -> tuple[str, str]:
 def test_fit_report_and_render(scene, tmp_path):
     """One small fit of everything, and what can be done with its files."""
     out = tmp_path / "out"
-    result = run("fit", scene, "--bands", "3,13", "-o", out, *SMALL)
+    result = run("fit", scene, "--bands", "3,13", "-o", out, *SMALL, "--light", "paper")
     assert result.exit_code == 1, result.output
     assert result.stderr == ""
     assert "scene: step 1, loss" in result.stdout
@@ -251,7 +251,7 @@ def test_the_demonstration_fits_the_embedded_scene(scene, tmp_path, no_solver):
     assert result.exit_code == 0, result.output
     ((target, settings, _, _),) = no_solver
     assert target.imagery.name == "goes17_m1_20191027T2000"
-    assert settings == FitSettings(starts=2)
+    assert settings == FitSettings(starts=2, light="paper")
 
 
 def test_doctor_reports_and_passes():

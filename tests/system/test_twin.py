@@ -9,7 +9,7 @@ import pytest
 from cloudjax import radiances
 from cloudjax_fit.fitting import draw_starts
 from cloudjax_fit.objective import residuals
-from cloudjax_fit.parameters import put_all, values_of
+from cloudjax_fit.parameters import values_of
 from cloudjax_fit.solver import Solver
 from cloudjax_fit.uncertainty import estimate
 from tests.twin import make_twin
@@ -62,7 +62,7 @@ def test_most_starts_find_the_determined_parameters(twin, solver, starts):
 def _error(twin, solution) -> float:
     """The largest of a determined parameter, relative to the truth."""
     z = jnp.asarray(solution.z)
-    estimates, _ = estimate(twin.problem, twin.target, z, solution, seed=0)
+    estimates, _ = estimate(twin.problem, twin.parameters, z, solution, seed=0)
     determined = np.array([e.determined for e in estimates])
     assert determined.sum() >= 8
     values = np.asarray(values_of(twin.parameters, z))
@@ -88,7 +88,7 @@ def test_the_jacobian_of_the_fit_is_right_in_both_modes(twin, monkeypatch):
         assert (np.abs(cotangent @ jacobian - reverse) < tolerance).all()
 
     def plain(values, problem):
-        scene = put_all(problem.scene, problem.parameters, values)
+        scene = problem.parameters.put(problem.scene, values)
         return scene.total(radiances(scene, problem.view))
 
     monkeypatch.setattr("cloudjax_fit.objective._seen", plain)

@@ -186,3 +186,47 @@ def test_tiles_of_rays_are_those_of_the_whole():
     np.testing.assert_array_equal(tile.direction, whole.direction[[3, 34, 10]])
     np.testing.assert_array_equal(tile.origin_m, whole.origin_m[[3, 34, 10]])
     assert tile.pixel_rad == whole.pixel_rad
+
+
+@pytest.mark.parametrize("sweep", ["x", "y"])
+def test_an_image_is_read_where_its_pixels_look(sweep):
+    """At the centres the pixels themselves, between them what is linear in the scan
+    angles, outside the nearest."""
+    grid = _grid(np.linspace(-0.05, 0.03, 9), np.linspace(0.1, 0.04, 7), sweep=sweep)
+    image = np.random.default_rng(0).random((*grid.shape, 2))
+    ground, _ = grid.rays().ground()
+    places = ground.latitude_deg, ground.longitude_deg
+    np.testing.assert_allclose(grid.sample(image, *places), image.reshape(-1, 2))
+
+    finer = _grid(np.linspace(-0.05, 0.03, 33), np.linspace(0.1, 0.04, 31), sweep=sweep)
+    y, x = np.meshgrid(finer.y_rad, finer.x_rad, indexing="ij")
+    ground, _ = finer.rays().ground()
+    coarse = np.stack(np.meshgrid(grid.y_rad, grid.x_rad, indexing="ij"), axis=-1)
+    read = grid.sample(coarse, ground.latitude_deg, ground.longitude_deg)
+    expected = np.stack([y.ravel(), x.ravel()], axis=-1)
+    np.testing.assert_allclose(read, expected, atol=1e-9)
+
+    ground, _ = _grid([-0.06, 0.04], [0.11], sweep=sweep).rays().ground()
+    outside = grid.sample(image, ground.latitude_deg, ground.longitude_deg)
+    np.testing.assert_allclose(outside, image[0, [0, -1]])
+
+
+def test_a_single_row_and_column_are_read_everywhere():
+    image = np.array([[[7.0]]])
+    found = _grid([0.01], [0.02]).sample(image, np.array([0.0]), np.array([-70.0]))
+    np.testing.assert_array_equal(found, [[7.0]])
+
+
+def test_grids_are_equal_by_their_numbers():
+    """Scenes that hold equal grids share what is compiled for them."""
+    one, same = (_grid([0.0, 0.1], [0.2, 0.1]) for _ in range(2))
+    assert one == same
+    assert hash(one) == hash(same)
+    others = [
+        _grid([0.0, 0.1], [0.2, 0.11]),
+        _grid([0.0, 0.1], [0.2, 0.1], sweep="y"),
+        replace(one, subsatellite_longitude_deg=-137.0),
+        replace(one, ellipsoid=Ellipsoid(6.4e6, 6.4e6)),
+        "something else",
+    ]
+    assert all(one != other for other in others)

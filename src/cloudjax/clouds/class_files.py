@@ -3,7 +3,7 @@
 import importlib.resources
 import os
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any, get_args
 
 from cloudjax.toml_table import (
@@ -36,7 +36,15 @@ _NOISES: dict[str, Noise] = {
     "inverted_worley": InvertedWorley(),
 }
 _PHASES = get_args(Phase)
-_NUMBERS = tuple(f.name for f in fields(CloudClass) if f.type is float)
+_NUMBERS = tuple(
+    f.name for f in fields(CloudClass) if f.type is float and f.default is MISSING
+)
+# Numbers that a file may leave out, with what they are then.
+_DEFAULTS = {
+    f.name: f.default
+    for f in fields(CloudClass)
+    if f.type is float and f.default is not MISSING
+}
 _CLASS: dict[str, Kind] = {
     **dict.fromkeys(_NUMBERS, NUMBER),
     "particles": Kind(
@@ -45,7 +53,12 @@ _CLASS: dict[str, Kind] = {
     "conditions": TABLE,
     "textures": LIST,
 }
-_OPTIONAL = {"infrared_ratio": NUMBER, "imagery": TABLE, "priors": TABLE}
+_OPTIONAL = {
+    "infrared_ratio": NUMBER,
+    **dict.fromkeys(_DEFAULTS, NUMBER),
+    "imagery": TABLE,
+    "priors": TABLE,
+}
 _CONDITIONS = dict.fromkeys(Conditions.__dataclass_fields__, ANY_NUMBER)
 _IMAGERY = dict.fromkeys((f.name for f in fields(ImageryRule)), NUMBER)
 _LADDER = ("longest_m", "shortest_m")
@@ -104,6 +117,9 @@ def class_table(one: CloudClass) -> dict[str, Any]:
     table["particles"] = one.particles
     if one.infrared_ratio is not None:
         table["infrared_ratio"] = one.infrared_ratio
+    for key, usual in _DEFAULTS.items():
+        if getattr(one, key) != usual:
+            table[key] = getattr(one, key)
     table["conditions"] = {
         key: float(getattr(one.conditions, key)) for key in _CONDITIONS
     }

@@ -59,6 +59,10 @@ USUAL = {
     "barrier_scale_m": Prior(30.0, 2500.0, 0.7, log=True),
     "extinction_per_m": Prior(1e-6, 1.0, 0.7, log=True),
     "infrared_ratio": Prior(0.1, 60.0, 0.1, log=True),
+    "extinction_growth": Prior(-0.5, 2.0, 0.3),
+    "depth_response": Prior(0.0, 3.0, 0.3),
+    "top_response": Prior(0.0, 3.0, 0.3),
+    "roughness_response": Prior(0.0, 3.0, 0.3),
 }
 ALTITUDE_SPREAD_M = 1000.0
 # Places in a layer and units by key, in the order in which fits list them.
@@ -70,11 +74,19 @@ PLACES = {
     "barrier_scale_m": ("cloud.function.barrier_scale_m", "m"),
     "extinction_per_m": ("extinction_per_m", "1/m"),
     "infrared_ratio": ("infrared_ratio", ""),
+    "extinction_growth": ("cloud.extinction_growth", ""),
+    "depth_response": ("cloud.response.depth", ""),
+    "top_response": ("cloud.response.top", ""),
+    "roughness_response": ("cloud.response.roughness", ""),
 }
-# A condensation barrier's foot is fitted where its prior is given only: radiances
-# seen from above hardly tell it.
-UNLESS_ASKED = ("base_m",)
+# What is fitted where its prior is given only: radiances seen from above hardly tell a
+# condensation barrier's foot, and the light of the paper knows no denser cloud.
+UNLESS_ASKED = ("base_m", "extinction_growth")
+# How clouds follow the coarse fields of imagery: fitted where there are any.
+RESPONSES = ("depth_response", "top_response", "roughness_response")
 WEIGHT = "weight_"
+# Fitted where their priors are given only.
+PERSISTENCE = "persistence_"
 
 
 def short_name(key: str) -> str:

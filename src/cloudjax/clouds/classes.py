@@ -14,10 +14,12 @@ import jax.numpy as jnp
 
 from cloudjax.geometry.shells import Shell
 from cloudjax.light.optics import Particles
+from cloudjax.weather.coarse_fields import Response
 from cloudjax.weather.masks import Conditions, fraction_to_mask
 
 from .class_parameters import (
     ALTITUDE_SPREAD_M,
+    PERSISTENCE,
     PLACES,
     UNLESS_ASKED,
     USUAL,
@@ -89,12 +91,17 @@ class ImageryRule:
     - `colder_than_standard_at_m`: pixels are colder than the air at this altitude.
     - `warmer_than_standard_at_m`: pixels are no colder than the air at this altitude;
       colder ones hide what is below them.
+    - `brighter_than`, `darker_than`: reflectance factor of pixels in the band that
+      tells cloud by day. An image without such a band has no class that must be
+      brighter than anything.
     - `altitude_m`: where the clouds stand, to undo the parallax; None for the middle of
       the shell.
     """
 
     colder_than_standard_at_m: float | None = None
     warmer_than_standard_at_m: float | None = None
+    brighter_than: float | None = None
+    darker_than: float | None = None
     altitude_m: float | None = None
 
 
@@ -116,6 +123,9 @@ class CloudClass:
     - `effective_radius_um`: of the particles.
     - `infrared_ratio`: effective absorption at 10.35 µm over extinction; None for that
       of the particles.
+    - `extinction_growth`: of the logarithm of extinction, per unit of CF in the cloud.
+    - `depth_response`, `top_response`, `roughness_response`: how strongly the clouds
+      follow coarse fields, see `CoarseFields`.
     - `imagery`: which cloud pixels of imagery it takes; None leaves it out of fits.
     - `priors`: bounds and priors by key where they are not the usual ones.
     """
@@ -133,6 +143,10 @@ class CloudClass:
     particles: Phase
     effective_radius_um: float
     infrared_ratio: float | None = None
+    extinction_growth: float = 0.0
+    depth_response: float = 1.0
+    top_response: float = 1.0
+    roughness_response: float = 1.0
     imagery: ImageryRule | None = None
     priors: Mapping[str, Prior] = field(default_factory=dict)
 
@@ -147,7 +161,7 @@ class CloudClass:
             raise ValueError("mask_displacement_hours must not be negative.")
         if not self.textures or self.textures[0].weight != 1:
             raise ValueError("textures must begin with one of weight 1.")
-        known = {*self._weights, *PLACES}
+        known = {*self._weights, *self._persistences, *PLACES}
         for key in self.priors:
             if key not in known:
                 raise ValueError(
@@ -201,6 +215,17 @@ class CloudClass:
             )
             for key, i in self._weights.items()
         ]
+        found += [
+            ClassParameter(
+                key,
+                key,
+                f"cloud.function.persistences.{i}",
+                self.textures[i].persistence,
+                self.priors[key],
+            )
+            for key, i in self._persistences.items()
+            if key in self.priors
+        ]
         for key, (path, unit) in PLACES.items():
             if key in UNLESS_ASKED and key not in self.priors:
                 continue
@@ -216,7 +241,8 @@ class CloudClass:
 
         **Raises:** `ValueError` for a name that the class has not.
         """
-        keys = {short_name(key): key for key in PLACES} | {k: k for k in self._weights}
+        keys = {short_name(key): key for key in PLACES}
+        keys |= {key: key for key in (*self._weights, *self._persistences)}
         unknown = sorted(set(values) - set(keys))
         if unknown:
             raise ValueError(f"The class {self.name} has no {unknown[0]!r}.")
@@ -226,9 +252,24 @@ class CloudClass:
             if name in self._weights:
                 i = self._weights[name]
                 textures[i] = replace(textures[i], weight=float(value))
+            elif name in self._persistences:
+                i = self._persistences[name]
+                textures[i] = replace(textures[i], persistence=float(value))
             else:
                 changes[keys[name]] = float(value)
         return replace(self, textures=tuple(textures), **changes)
+
+    def with_top(self, altitude_m: float) -> "CloudClass":
+        """Move both barriers, so that the top is at an altitude of the shell or, if
+        priors bound it, within these.
+        """
+        prior = self.priors.get("top_m") or self._within_shell(self.top_m)
+        # A start on a bound would stay there.
+        margin = 0.05 * (prior.upper - prior.lower)
+        low = max(self.shell.bottom_m, prior.lower + margin)
+        high = min(self.shell.top_m, prior.upper - margin)
+        top_m = float(min(max(altitude_m, low), high))
+        return replace(self, top_m=top_m, base_m=self.base_m + top_m - self.top_m)
 
     def _within_shell(self, altitude_m: float) -> Prior:
         """Allow a barrier as far as its scale beyond the shell."""
@@ -245,6 +286,14 @@ class CloudClass:
             f"{WEIGHT}{texture.name or i + 1}": i
             for i, texture in enumerate(self.textures)
             if i > 0
+        }
+
+    @property
+    def _persistences(self) -> dict[str, int]:
+        """Places of the textures by the name of their persistence."""
+        return {
+            f"{PERSISTENCE}{texture.name or i + 1}": i
+            for i, texture in enumerate(self.textures)
         }
 
     def cloud(self, seed: int, *, movable: bool = False) -> FractalCloud:
@@ -275,4 +324,10 @@ class CloudClass:
             thickness_m=_USUAL_THICKNESS_M
             if movable
             else max(self.top_m - self.base_m, self.barrier_scale_m),
+            extinction_growth=jnp.asarray(self.extinction_growth, float),
+            response=Response(
+                depth=jnp.asarray(self.depth_response, float),
+                top=jnp.asarray(self.top_response, float),
+                roughness=jnp.asarray(self.roughness_response, float),
+            ),
         )

@@ -21,6 +21,7 @@ from cloudjax.geometry.path import (
 from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import Chords, Shell
 from cloudjax.weather.advection import DisplacementMap
+from cloudjax.weather.coarse_fields import CoarseFields, Placed, Response
 from cloudjax.weather.drift import drift_m, strain
 from cloudjax.weather.masks import AbstractMask
 
@@ -37,6 +38,8 @@ from .source import AbstractCloudSource, Occupancy, Slopes
 _MAX_WIDTHS = 8.0
 # A change of CF within one step that is as good as a jump.
 _MAX_CHANGE = 6.0
+# Of the logarithm of extinction, where it grows into the cloud.
+_MOST_GROWTH = 4.0
 # Steps to each point at which gradients of the noise are sampled.
 _STEPS_PER_SLOPE = 3
 
@@ -78,9 +81,13 @@ class FractalCloud(AbstractCloudSource):
     - `mask`: where the weather lets the clouds stand; None is w = 0 everywhere.
     - `displacements`: of each ladder, the map by which the wind has drawn it; None for
       still air.
+    - `fields`: what the clouds are like from place to place, and `response`: how
+      strongly they follow; None where they are alike everywhere.
+    - `extinction_growth`: κ: extinction is exp(κ CF) times that of the layer in the
+      cloud, for liquid water and ice grow from its edge inwards.
 
-    The mask and the maps are read once, when a view is made; the other arrays are
-    parameters.
+    The mask, the maps and the fields are read once, when a view is made; the other
+    arrays are parameters.
     """
 
     function: CloudFunction
@@ -91,6 +98,11 @@ class FractalCloud(AbstractCloudSource):
     thickness_m: float = eqx.field(static=True, default=1500.0)
     mask: AbstractMask | None = None
     displacements: tuple[DisplacementMap | None, ...] | None = None
+    fields: CoarseFields | None = None
+    response: Response = eqx.field(default_factory=Response)
+    extinction_growth: Float[Array, ""] = eqx.field(
+        default_factory=lambda: jnp.asarray(0.0)
+    )
 
     def __check_init__(self):
         f, maps = self.function, self.displacements
@@ -171,6 +183,7 @@ class FractalCloud(AbstractCloudSource):
             strain=None,
             points=points,
             held=held,
+            placed=self._placed(rays, chord),
         )
         maps = self.displacements
         if maps is None or all(m is None for m in maps):
@@ -185,11 +198,23 @@ class FractalCloud(AbstractCloudSource):
             tuple(self.rungs[i].ladder for i in read),
         )
 
+    def _placed(self, rays: Rays, chord: Chords) -> Placed | None:
+        """Coarse fields vary little along a way: its middle tells them."""
+        if self.fields is None:
+            return None
+        middle = geodetic(rays.at(chord.entry_m + chord.length_m / 2))
+        return Placed(device_array(self.fields(*middle[:2])))
+
     def likelihood(
         self, samples: FractalPath | FractalSamples
     ) -> Float[Array, " rays"]:
         """Estimate how likely a ray is to meet cloud, by the most of its mask."""
-        most = self.function.likelihood(samples.mask.values.max(-1), self.ladders)
+        rough = None
+        if samples.placed is not None:
+            rough = samples.placed.roughness(self.response)
+        most = self.function.likelihood(
+            samples.mask.values.max(-1), self.ladders, rough
+        )
         return jnp.where(samples.path.length_m > 0, most, 0.0)
 
     def sample(
@@ -233,6 +258,7 @@ class FractalCloud(AbstractCloudSource):
             up=up,
             at=None,
             steps=steps,
+            placed=way.placed,
         )
         return found if way.held is None else held_alike(found, way.held)
 
@@ -259,16 +285,21 @@ class FractalCloud(AbstractCloudSource):
         return way.branch(distance_m, direction, ends_m, frames, ladders)
 
     def occupancy(self, samples: FractalSamples, steps: int) -> Occupancy:
-        """Find the soft level set: the share of cloud in each step, for each node."""
-        f = self.function
+        """Find the soft level set: the share of cloud in each step, for each node.
+
+        Where clouds are denser, the share is that much more.
+        """
+        f, placed = self.function, samples.placed
         amplitudes = f.amplitudes(self.ladders)
         altitude = samples.path.altitude_m(samples.path.distance_m(steps))
         fractal = samples.fractal(amplitudes, steps)
-        value = f(fractal, samples.mask.in_steps(steps), altitude)
-        common, own, rough = (
-            jnp.matmul(part, amplitudes**2, precision="highest")
-            for part in (samples.common, samples.own, samples.slope)
-        )
+        mask, rough = samples.mask.in_steps(steps), None
+        if placed is not None:
+            rough = placed.roughness(self.response)
+            fractal, mask = rough[:, None] * fractal, rough[:, None] * mask
+            altitude = altitude - placed.lift_m(self.response)[:, None]
+        value = f(fractal, mask, altitude)
+        common, own, steep = self._unresolved(samples, amplitudes, rough)
         if self.latent.nodes.shape[0] == 1:
             common, own = jnp.zeros_like(common), own + common
         # The floors keep the slopes of the roots finite where nothing is lost.
@@ -279,15 +310,26 @@ class FractalCloud(AbstractCloudSource):
         widths = jnp.clip(shifted / width[None], -_MAX_WIDTHS, _MAX_WIDTHS)
         # jax.scipy's ndtr keeps the far tails to all digits, at three times the price.
         fraction = 0.5 + 0.5 * jax.lax.erf(np.sqrt(0.5) * widths)
+        growth = self.extinction_growth * jnp.maximum(shifted, 0)
+        fraction = fraction * jnp.exp(jnp.clip(growth, -_MOST_GROWTH, _MOST_GROWTH))
+        if placed is not None:
+            fraction = fraction * placed.density(self.response)[None, :, None]
         slopes = None
         if samples.up is not None:
+            gradient = samples.gradient(amplitudes)
             slopes = Slopes(
-                samples.gradient(amplitudes),
+                gradient if rough is None else rough[None, :, None] * gradient,
                 f.rise(altitude),
                 jnp.moveaxis(samples.up, 1, 0),
-                rough,
+                steep,
             )
         return Occupancy(fraction, self.latent.weights, slopes)
+
+    def _unresolved(self, samples: FractalSamples, amplitudes, rough):
+        """Variance that pixels take: of the common part, of the rest, of slopes."""
+        parts = samples.common, samples.own, samples.slope
+        sums = [jnp.matmul(part, amplitudes**2, precision="highest") for part in parts]
+        return sums if rough is None else [rough**2 * total for total in sums]
 
 
 def _where(counts: list[int], count: int) -> tuple[int, ...]:

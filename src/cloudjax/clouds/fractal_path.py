@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from cloudjax.geometry.path import Path, Profile, along_chord, on_chord
+from cloudjax.weather.coarse_fields import Placed
 
 from .ladder import EVERY_STEP
 
@@ -30,6 +31,7 @@ class FractalPath(eqx.Module):
     - `points`: of the chord at which each rung is read, 0 where it is not.
     - `held`: rungs that are held, at every step, where groups of rays that are read
       differently are held alike; else None.
+    - `placed`: what the clouds are like there, None where that is alike everywhere.
     """
 
     path: Path
@@ -41,6 +43,7 @@ class FractalPath(eqx.Module):
     strain: Float[Array, "rays ladders 3 3"] | None
     points: tuple[int, ...] = eqx.field(static=True)
     held: tuple[int, ...] | None = eqx.field(static=True, default=None)
+    placed: Placed | None = None
 
     def positions(
         self,
@@ -71,7 +74,7 @@ class FractalPath(eqx.Module):
     ) -> "FractalPath":
         """Leave the ways in another direction: see `source.py`.
 
-        The mask, the strain and the pixel stay what they are where it is left.
+        The mask is held where it is left; strain, pixel and fields stay as they are.
 
         **Arguments:** `frames`, `ladder_of`: of the rungs that are read.
         """
@@ -101,6 +104,7 @@ class FractalPath(eqx.Module):
             strain=self.strain,
             points=tuple(EVERY_STEP * (count > 0) for count in self.points),
             held=self.held,
+            placed=self.placed,
         )
 
     def drawn(

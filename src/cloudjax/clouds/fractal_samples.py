@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from cloudjax.geometry.path import Path, Profile, to_points
+from cloudjax.weather.coarse_fields import Placed
 
 
 class Reading(eqx.Module):
@@ -61,6 +62,7 @@ class FractalSamples(eqx.Module):
     - `at`: parts of the chord, 0 to 1, at which the fractal is read once more; None
       where it is marched as it was sampled.
     - `steps`: of the march that they were made for.
+    - `placed`: what the clouds are like there, None where that is alike everywhere.
     """
 
     path: Path
@@ -73,6 +75,7 @@ class FractalSamples(eqx.Module):
     up: Float[Array, "rays 3 points"] | None
     at: Float[Array, "rays places"] | None
     steps: int = eqx.field(static=True)
+    placed: Placed | None = None
 
     def on(self, path: Path, at: Float[Array, "rays places"]) -> "FractalSamples":
         """Read them at parts of the chord, 0 to 1, as if at another path's steps."""

@@ -30,7 +30,8 @@ class Occupancy(eqx.Module):
 
     **Fields:**
 
-    - `fraction`: in [0, 1], for each of the possible sub-pixel structures (nodes).
+    - `fraction`: in [0, 1], for each of the possible sub-pixel structures (nodes); more
+      where cloud is denser than the extinction of its layer says.
     - `weights`: of those structures; they add up to 1.
     - `slopes`: of the cloud's surface; None where no normals are asked.
     """

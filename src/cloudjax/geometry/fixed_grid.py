@@ -5,6 +5,8 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
+from scipy.ndimage import map_coordinates
 
 from .geodesy import GRS80, Ellipsoid, ecef, up
 from .rays import Rays
@@ -102,6 +104,25 @@ class FixedGrid:
         ]
         return _sector(MESO_RAD, centre, step, subsatellite_longitude_deg)
 
+    def __eq__(self, other) -> bool:
+        """Tell whether all numbers of two grids are equal, to the last digit."""
+        return isinstance(other, FixedGrid) and self._numbers == other._numbers
+
+    def __hash__(self) -> int:
+        return hash(self._numbers)
+
+    @property
+    def _numbers(self) -> tuple:
+        x_rad, y_rad = (np.asarray(a, np.float64) for a in (self.x_rad, self.y_rad))
+        return (
+            x_rad.tobytes(),
+            y_rad.tobytes(),
+            self.subsatellite_longitude_deg,
+            self.perspective_height_m,
+            self.ellipsoid,
+            self.sweep,
+        )
+
     @property
     def shape(self) -> tuple[int, int]:
         """Count the rows and columns."""
@@ -165,16 +186,51 @@ class FixedGrid:
         **Raises:** `ValueError` where the satellite does not see it.
         """
         φ, λ = np.array([latitude_deg]), np.array([longitude_deg])
-        line = (ecef(φ, λ, np.zeros(1), self.ellipsoid) - self.satellite_m)[0]
-        if line @ up(φ, λ)[0] >= 0:
+        line = self._line_m(φ, λ)
+        if line[0] @ up(φ, λ)[0] >= 0:
             raise ValueError(
                 f"Latitude {latitude_deg} longitude {longitude_deg} cannot be seen "
                 f"from above longitude {self.subsatellite_longitude_deg}."
             )
-        inward, east, north = self._axes @ line / np.linalg.norm(line)
+        x, y = self._angles_rad(line)
+        return float(x[0]), float(y[0])
+
+    def _line_m(self, latitude_deg, longitude_deg) -> Float[np.ndarray, "points 3"]:
+        """From the satellite to places on the ground."""
+        sea_level = np.zeros(len(latitude_deg))
+        return (
+            ecef(latitude_deg, longitude_deg, sea_level, self.ellipsoid)
+            - self.satellite_m
+        )
+
+    def _angles_rad(self, line_m) -> tuple[np.ndarray, np.ndarray]:
+        length_m = np.linalg.norm(line_m, axis=-1)
+        inward, east, north = self._axes @ line_m.T / length_m
         if self.sweep == "x":
-            return float(np.arcsin(east)), float(np.arctan2(north, inward))
-        return float(np.arctan2(east, inward)), float(np.arcsin(north))
+            return np.arcsin(east), np.arctan2(north, inward)
+        return np.arctan2(east, inward), np.arcsin(north)
+
+    def sample(
+        self,
+        nodes: ArrayLike,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, "points channels"]:
+        """Interpolate an image bilinearly between the centres of its pixels, at places
+        on the ground; outside of the image it is held constant.
+
+        Places that the satellite does not see get those before them.
+
+        **Arguments:** `nodes`: [y x channels].
+        """
+        x, y = self._angles_rad(self._line_m(latitude_deg, longitude_deg))
+        position = _index(self.y_rad, y), _index(self.x_rad, x)
+        channels = np.moveaxis(np.asarray(nodes), -1, 0)
+        found = [
+            map_coordinates(channel, position, order=1, mode="nearest")
+            for channel in channels
+        ]
+        return np.stack(found, axis=-1)
 
     def sees_the_earth(self) -> Bool[np.ndarray, "y x"]:
         """Tell which pixels see the ellipsoid, much faster than `rays().ground()`.
@@ -217,6 +273,14 @@ class FixedGrid:
             direction,
             self.step_rad,
         )
+
+
+def _index(centres_rad: np.ndarray, angles_rad: np.ndarray) -> np.ndarray:
+    """Positions among pixels, 0 at the centre of the first."""
+    last = len(centres_rad) - 1
+    if last == 0:
+        return np.zeros_like(angles_rad)
+    return (angles_rad - centres_rad[0]) / (centres_rad[-1] - centres_rad[0]) * last
 
 
 def _block_centres(angles: np.ndarray, factor: int) -> np.ndarray:

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from cloudjax.geometry.fixed_grid import FixedGrid
 from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid
 from cloudjax.geometry.path import device_array
@@ -186,9 +187,9 @@ class ClearSky(AbstractGround):
     - `grid`: the places of the nodes.
     """
 
-    reflective: Float[AnyArray, "lat lon reflective"] | None
-    emissive: Float[AnyArray, "lat lon emissive"] | None
-    grid: LatLonGrid
+    reflective: Float[AnyArray, "rows columns reflective"] | None
+    emissive: Float[AnyArray, "rows columns emissive"] | None
+    grid: LatLonGrid | FixedGrid = eqx.field(static=True)
     under_air: ClassVar[bool] = False
 
     def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from cloudjax.clouds.classes import CloudClass
 from cloudjax.weather.advection import DisplacementMap
+from cloudjax.weather.coarse_fields import CoarseFields
 from cloudjax.weather.masks import AbstractMask
 
 from .scene import Layer
@@ -23,6 +24,7 @@ def class_layer(
     movable: bool = False,
     mask: AbstractMask | None = None,
     displacements: Sequence[DisplacementMap | None] | None = None,
+    fields: CoarseFields | None = None,
 ) -> Layer:
     """Make the layer of a class for the bands of a scene.
 
@@ -36,11 +38,13 @@ def class_layer(
     - `movable`: a fit will move the cloud within its shell, see `CloudClass.cloud`.
     - `mask`, `displacements`: where the weather lets it stand, and how the wind has
       drawn each of its textures.
+    - `fields`: what its clouds are like from place to place.
     """
     cloud = replace(
         cloud_class.cloud(seed, movable=movable),
         mask=mask,
         displacements=None if displacements is None else tuple(displacements),
+        fields=fields,
     )
     particles = cloud_class.optics
     return Layer(

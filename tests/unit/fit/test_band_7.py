@@ -26,7 +26,7 @@ def test_by_day_the_sun_s_part_and_emission_add_to_what_is_seen(tmp_path):
     assert (np.asarray(behind.reflective) > 0).all()
     assert (np.asarray(behind.emissive) > 0).all()
     seen = np.asarray(scene.total(behind))
-    levels = imagery.backgrounds[7]
+    levels = imagery.background.radiance[7]
     assert seen[0].min() >= levels.min() * (1 - 1e-6)
     assert seen[0].max() <= levels.max() * (1 + 1e-6)
     names = [p.name for p in scene_parameters(made_of)]

@@ -49,10 +49,10 @@ def test_a_class_that_is_nowhere_is_named(result):
 
 
 def test_missing_data_are_counted(result):
-    valid = result.target.block_valid * 0 + 1
-    target = dataclasses.replace(result.target, block_valid=valid)
-    earth = np.zeros(result.image.cloud.shape, bool)
-    earth.reshape(-1)[: 4 * valid.size] = True
+    good, earth = (np.zeros(result.image.cloud.shape, bool) for _ in range(2))
+    good.reshape(-1)[:64] = True
+    earth.reshape(-1)[:256] = True
+    target = dataclasses.replace(result.target, good=good)
     assert cautions_of(result, target=target, earth=earth) == [
         "75% of the pixels that see the Earth have no data."
     ]

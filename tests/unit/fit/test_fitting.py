@@ -22,19 +22,19 @@ from cloudjax_fit.fitting import FitResult, FitSettings, draw_starts
 from cloudjax_fit.objective import (
     BLOCK_FLOOR,
     BLOCK_SPREAD,
-    COVERAGE_SCALE,
-    SCALE,
     pose,
     residuals,
     simulate,
 )
+from cloudjax_fit.observation import BINS
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
 from cloudjax_fit.solver import Solution, Solver
+from cloudjax_fit.statistics import COVERAGE_SCALE, SCALE
 from cloudjax_fit.targets import block_of_pixels
 from cloudjax_scenes import simulate_image
 
 
-SETTINGS = FitSettings(rays=576, steps=5, max_steps=6, seed=3)
+SETTINGS = FitSettings(rays=576, steps=5, max_steps=6, seed=3, statistics="values")
 HELD = {
     name: {"free": False}
     for name in (
@@ -54,7 +54,7 @@ KNOWN = {"low": small_class()}
 def target():
     """Half the sky is cloud in the north, an eighth in the south."""
     fraction = np.linspace(0.1, 0.9, 8)[:, None] * np.ones(8)
-    return small_target(small_imagery(fractions={"low": fraction}), *flecked())
+    return small_target(small_imagery(fractions={"low": fraction}), flecked())
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def _w1(observed, simulated, weights):
 @pytest.mark.parametrize("number", [1, 13])
 def test_distances_are_those_of_the_images_before_and_after(result, number):
     """Tolerance: 3 %, for the quantiles of few pixels are read between them."""
-    observed = result.target.statistics[number].quantiles
+    observed = result.target.quantiles[number]
     expected = [
         _w1(observed, image.band(number).reshape(-1), image.cloud.reshape(-1))
         for image in (result.start, result.image)
@@ -131,7 +131,7 @@ def test_the_seed_is_that_of_the_settings(result):
 def posed(target, result):
     """All pixels, at the parameters that the fit has found."""
     free = [e.parameter for e in result.estimates]
-    return pose(target, result.scene, free, rays=10_000, seed=0)
+    return pose(target, result.scene, free, rays=10_000, seed=0, texture=False)
 
 
 def test_what_is_fitted_is_what_is_rendered(result, posed):
@@ -167,28 +167,28 @@ def test_residuals_are_those_of_histograms_cover_and_priors(result, posed):
     """By numpy, pixel by pixel. Tolerance of the histograms: what half a bin changes,
     for the fit spreads each pixel over three."""
     problem, _ = posed
-    parameters = problem.parameters
+    parameters = [e.parameter for e in result.estimates]
     start = {e.parameter.name: e.value for e in result.estimates}
     z = unbounded_of(parameters, start)
-    values = values_of(parameters, z)
+    values = problem.parameters.values(z)
     seen, weights = (np.asarray(x) for x in eqx.filter_jit(simulate)(problem, values))
     found = np.asarray(eqx.filter_jit(residuals)(z, problem))
-    shape, rest = np.split(found, [32])
+    shape, rest = np.split(found, [2 * BINS])
     target = result.target
-    observed = {n: b.block_counts.sum(0) for n, b in target.statistics.items()}
-    for i, (n, band) in enumerate(target.statistics.items()):
-        edges = np.linspace(band.low, band.high, 17)
-        counts, _ = np.histogram(np.clip(seen[i], *edges[[0, -1]]), edges,
-                                 weights=weights)  # fmt: skip
-        sharp = np.cumsum(counts) / weights.sum() - np.cumsum(observed[n]) / sum(
-            observed[n]
+    histograms = target.statistics.parts[0]
+    observed = np.asarray(histograms.observed).sum(0)
+    for i, wanted in enumerate(observed):
+        low, high = (
+            float(end[i]) for end in (histograms.bins.low, histograms.bins.high)
         )
-        row = shape[16 * i : 16 * i + 16]
+        edges = np.linspace(low, high, BINS + 1)
+        radiance = seen[i] / float(target.statistics.deviations[i])
+        counts, _ = np.histogram(np.clip(radiance, low, high), edges, weights=weights)
         # The fit spreads each pixel over three bins.
-        spread = np.convolve(
-            np.pad(sharp, 1, mode="edge"), [0.125, 0.75, 0.125], "valid"
-        )
-        assert np.abs(row - SCALE * spread).max() < 0.3 * np.abs(row).max()
+        counts = np.convolve(counts, [0.125, 0.75, 0.125], "same")
+        sharp = np.cumsum(counts) / weights.sum() - np.cumsum(wanted) / wanted.sum()
+        row = shape[BINS * i : BINS * (i + 1)]
+        assert np.abs(row - SCALE * sharp).max() < 0.3 * np.abs(row).max()
     share = target.block_cloud.sum() / target.block_valid.sum()
     assert rest[0] == pytest.approx(COVERAGE_SCALE * (weights.mean() - share), abs=1e-2)
     block = block_of_pixels(SHAPE, BLOCKS)
@@ -211,7 +211,10 @@ def test_blocks_are_counted_row_by_row():
 
 
 def test_rays_are_drawn_anew_for_another_seed(target, result):
-    drawn = [pose(target, result.scene, (), rays=40, seed=s)[1] for s in (0, 0, 1)]
+    drawn = [
+        pose(target, result.scene, (), rays=40, seed=s, texture=False)[1]
+        for s in (0, 0, 1)
+    ]
     assert (drawn[0] == drawn[1]).all()
     assert len(np.intersect1d(drawn[0], drawn[2])) < 20
     assert all(len(np.unique(some)) == 40 for some in drawn)
@@ -242,10 +245,11 @@ def test_the_best_start_is_kept(target, monkeypatch, wins):
             i, self.count = self.count, self.count + 1
             converged, loss = (True, 1.0) if i == wins else (i != (wins + 1) % 3, 2.0)
             loss = loss if converged else 0.5
-            none, end = np.zeros((1, len(z))), np.asarray(z) + i
-            return Solution(end, converged, f"{i}", none, (9.0, loss), 0.1)
+            none = np.zeros((1, len(z)))
+            end = np.asarray(z) + i
+            return Solution(end, converged, f"{i}", none, [], (9.0, loss), 0.1)
 
-    def stop(problem, target, z_start, solution, *, seed):
+    def stop(problem, parameters, z_start, solution, *, seed):
         taken.append((z_start, solution.z))
         raise StopIteration
 

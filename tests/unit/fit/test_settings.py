@@ -19,7 +19,7 @@ from cloudjax_fit.settings import (
     with_options,
 )
 from cloudjax_scenes.cloud_rule import CloudRule
-from cloudjax_scenes.lights import PHYSICAL
+from cloudjax_scenes.lights import PAPER, PHYSICAL
 
 
 SOURCE = "folder/scene.toml"
@@ -167,9 +167,9 @@ def test_parameters_of_bands_that_are_not_used_are_left_out(made_of):
 
 def test_parameters_of_another_light_are_left_out(made_of):
     changes = {"light.indirect": 0.2}
-    assert concerning(changes, made_of, SOURCE) == changes
-    physical = dataclasses.replace(made_of, light=PHYSICAL)
-    assert concerning(changes, physical, SOURCE) == {}
+    for light, expected in ((PAPER, changes), (PHYSICAL, {})):
+        lit = dataclasses.replace(made_of, light=light, known=made_of.available)
+        assert concerning(changes, lit, SOURCE) == expected
 
 
 def test_an_unknown_light_is_refused():

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from tests.small_fits import (
@@ -16,10 +17,16 @@ from tests.small_fits import (
     small_target,
 )
 
-from cloudjax_fit.objective import COVERAGE_SCALE, SCALE, pose, residuals, simulate
-from cloudjax_fit.parameters import unbounded_of, values_of
+from cloudjax_fit.objective import (
+    pose,
+    residuals,
+    residuals_and_sums,
+    simulate,
+)
+from cloudjax_fit.parameters import Parameters, unbounded_of
 from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.solver import Solution
+from cloudjax_fit.statistics import COVERAGE_SCALE, SCALE
 from cloudjax_fit.targets import block_of_pixels
 from cloudjax_fit.uncertainty import estimate
 from cloudjax_scenes import SceneFromImagery
@@ -34,28 +41,32 @@ DRAWS = 600
 def posed():
     """Four parameters, of which two act as one: the cover is the same everywhere."""
     imagery = small_imagery(FRACTION)
-    images, cloud = flecked()
+    images = flecked()
     made_of = SceneFromImagery(imagery, known={"low": small_class()}, seed=2, steps=6)
     free = [p for p in scene_parameters(made_of) if p.name in FREE]
     # Two vague enough for the data to decide, one less free to trade than usual.
     spreads = {"air.gain_C01": 1.0, "low.extinction": 3.0, "low.threshold": 0.25}
     free = [replace(p, spread=spreads.get(p.name, p.spread)) for p in free]
-    target = small_target(imagery, images, cloud)
-    problem, pixels = pose(target, made_of.build(), free, rays=576, seed=0)
-    return target, problem, pixels, images, cloud
+    target = small_target(imagery, images)
+    problem, pixels = pose(
+        target, made_of.build(), free, rays=576, seed=0, texture=False
+    )
+    return free, problem, pixels, images
 
 
 @pytest.fixture(scope="module")
 def found(posed):
-    target, problem, *_ = posed
-    z = unbounded_of(problem.parameters)
-    return estimate(problem, target, z, _solution(problem, z), seed=0)
+    free, problem, *_ = posed
+    z = unbounded_of(free)
+    return estimate(problem, free, z, _solution(problem, z), seed=0)
 
 
 def _solution(problem, z) -> Solution:
     """A solver that has stopped where it started."""
-    jacobian = np.asarray(eqx.filter_jit(jax.jacfwd(residuals))(z, problem), float)
-    return Solution(np.asarray(z), True, "stopped", jacobian, (0.0,), 0.0)
+    jacobian = eqx.filter_jit(jax.jacfwd(residuals))(z, problem)
+    _, sums = eqx.filter_jit(residuals_and_sums)(z, problem)
+    known = np.asarray(jacobian, float), [np.asarray(some, float) for some in sums]
+    return Solution(np.asarray(z), True, "stopped", *known, (0.0,), 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -65,22 +76,21 @@ def resampled(posed):
     Linear: each draw moves the residuals by what other blocks change in the observed
     and in the simulated histograms, and each prior by a standard deviation.
     """
-    target, problem, pixels, images, cloud = posed
-    z = unbounded_of(problem.parameters)
-    values = values_of(problem.parameters, z)
+    free, problem, pixels, images = posed
+    z = unbounded_of(free)
+    values = problem.parameters.values(z)
     seen, weights = eqx.filter_jit(simulate)(problem, values)
     jacobian = _by_differences(problem, z)
     rng = np.random.default_rng(1)
     block = block_of_pixels(SHAPE, BLOCKS)
-    observed = _Pixels(
-        [images[1].reshape(-1), images[13].reshape(-1)],
-        cloud.reshape(-1).astype(float),
-        block,
-    )
-    simulated = _Pixels(list(np.asarray(seen)), np.asarray(weights), block[pixels])
+    both = np.stack([images[1].reshape(-1), images[13].reshape(-1)])
+    scene = small_imagery(FRACTION).empty_scene
+    cloud = np.asarray(problem.rule.weights(jnp.asarray(both, float), scene))
+    observed = _Pixels(both, cloud, block)
+    simulated = _Pixels(np.asarray(seen), np.asarray(weights), block[pixels])
     moved = []
     for _ in range(DRAWS):
-        change = simulated.drawn(rng, target) - observed.drawn(rng, target)
+        change = simulated.drawn(rng, problem) - observed.drawn(rng, problem)
         others = rng.standard_normal(len(jacobian) - len(change))
         step, *_ = np.linalg.lstsq(jacobian, -np.append(change, others))
         moved.append(step)
@@ -103,15 +113,17 @@ class _Pixels:
     def __init__(self, bands, weights, block):
         self.bands, self.weights, self.block = bands, weights, block
 
-    def drawn(self, rng, target):
+    def drawn(self, rng, problem):
         chosen = rng.integers(0, 16, 16)
         index = np.concatenate([np.flatnonzero(self.block == b) for b in chosen])
         weights = self.weights[index]
-        rows = []
-        for values, band in zip(self.bands, target.statistics.values(), strict=True):
-            edges = np.linspace(band.low, band.high, band.block_counts.shape[1] + 1)
-            inside = np.clip(values[index], band.low, band.high)
-            counts, _ = np.histogram(inside, edges, weights=weights)
+        statistics = problem.statistics
+        bins, rows = statistics.parts[0].bins, []
+        for i, values in enumerate(self.bands):
+            low, high = float(bins.low[i]), float(bins.high[i])
+            inside = values[index] / float(statistics.deviations[i])
+            edges = np.linspace(low, high, bins.count + 1)
+            counts, _ = np.histogram(np.clip(inside, low, high), edges, weights=weights)
             rows.append(SCALE * np.cumsum(counts) / weights.sum())
         return np.append(np.concatenate(rows), COVERAGE_SCALE * weights.mean())
 
@@ -122,33 +134,31 @@ def test_deviations_are_those_of_fits_to_resampled_images(posed, found, resample
     Tolerance: a sixth, for both are of some hundred draws, and differences of the
     histograms are not quite their slopes.
     """
-    parameters = posed[1].parameters
-    for i, (estimated, parameter) in enumerate(zip(found[0], parameters, strict=True)):
-        z = unbounded_of(parameters)[i]
-        slope = float(jax.grad(parameter.value)(z))
+    for i, (estimated, parameter) in enumerate(zip(found[0], posed[0], strict=True)):
+        alone, z = Parameters.of([parameter]), unbounded_of([parameter])
+        slope = float(jax.grad(lambda z, of=alone: of.values(z)[0])(z)[0])
         assert estimated.parameter == parameter
         assert estimated.std == pytest.approx(slope * resampled[i], rel=1 / 6)
 
 
-def _spread(target, problem):
-    z = unbounded_of(problem.parameters)
-    estimates, _ = estimate(problem, target, z, _solution(problem, z), seed=0)
+def _spread(problem, free):
+    z = unbounded_of(free)
+    estimates, _ = estimate(problem, free, z, _solution(problem, z), seed=0)
     return {e.parameter.name: e.std for e in estimates}
 
 
 def test_the_simulated_clouds_are_a_draw_too(posed):
     """Blocks that are all alike leave the observed histogram without doubt, and the
     parameters as unsure as the simulated one is."""
-    target, problem, *_ = posed
-    alike = {
-        n: replace(band, block_counts=np.tile(band.block_counts.sum(0), (16, 1)))
-        for n, band in target.statistics.items()
-    }
-    cloud = np.full(16, target.block_cloud.sum())
-    sure = replace(
-        target, statistics=alike, block_cloud=cloud, block_valid=cloud * 576 // cloud
+    free, problem, *_ = posed
+
+    def alike(sums):
+        return jnp.broadcast_to(sums.mean(0), sums.shape)
+
+    sure = eqx.tree_at(
+        lambda p: [one.observed for one in p.statistics.all], problem, replace_fn=alike
     )
-    whole, simulated = _spread(target, problem), _spread(sure, problem)
+    whole, simulated = _spread(problem, free), _spread(sure, free)
     for name in ("air.gain_C01", "low.extinction"):
         assert simulated[name] < 0.99 * whole[name]
         assert simulated[name] > 0.2 * whole[name]

@@ -21,6 +21,9 @@ from cloudjax_fit.parameters import unbounded_of
 from cloudjax_scenes import SceneFromImagery
 
 
+MINE = ["my_cirrus", "my_thick_cold", "my_low_stratus"]
+
+
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     return write_scene(tmp_path_factory.mktemp("scene"))
@@ -40,7 +43,7 @@ def write_classes(path, *, paper: bool = False, **changes):
 def test_a_fit_takes_the_classes_of_a_file(scene, tmp_path):
     file = write_classes(tmp_path / "mine.toml", mask_gain=1.5)
     inputs = read_inputs(scene, classes=file)
-    assert list(inputs.made_of.imagery.fractions) == ["my_cirrus", "my_low_stratus"]
+    assert list(inputs.made_of.imagery.fractions) == MINE
     found = {p.name: p for p in inputs.parameters}
     assert found["my_cirrus.mask_gain"].default == 1.5
     assert not any(name.startswith("altostratus") for name in found)
@@ -56,7 +59,7 @@ def test_the_settings_of_a_scene_name_its_classes(tmp_path):
     write_classes(scene / "mine.toml")
     (scene / "scene.toml").write_text('[fit]\nclasses = "mine.toml"\n')
     layers = [layer.name for layer in read_inputs(scene).made_of.build().layers]
-    assert layers == ["my_cirrus", "my_low_stratus"]
+    assert layers == MINE
     (scene / "scene.toml").write_text('[fit]\nclasses = "yours.toml"\n')
     with pytest.raises(DataError, match=r"yours\.toml is not a file"):
         read_inputs(scene)
@@ -83,13 +86,13 @@ def test_what_a_fit_writes_renders_its_scene_again(scene, tmp_path, light):
     result = made_up_result(inputs)
     write_fit(result, tmp_path / "out")
     written = tmp_path / "out" / "parameters.toml"
-    assert list(load_classes(written)) == ["my_cirrus", "my_low_stratus"]
+    assert list(load_classes(written)) == (MINE if light == "physical" else MINE[::2])
     again = read_inputs(scene, fitted=read_parameters(written))
     assert again.made_of.light.name == light
     values = fitted_values(again)
-    assert values == pytest.approx(
-        {e.parameter.name: e.value for e in result.estimates}
-    )
+    expected = {e.parameter.name: e.value for e in result.estimates}
+    expected |= {held.name: held.default for held in result.held}
+    assert values == pytest.approx(expected)
 
 
 def test_parameters_of_an_earlier_version_still_count(scene, tmp_path):

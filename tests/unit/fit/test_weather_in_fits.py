@@ -51,7 +51,7 @@ def _textures(imagery, analysis):
     """What the rays of a fit read of the texture."""
     known = {"low": small_class(hours=HOURS)}
     made_of = SceneFromImagery(imagery, analysis, known=known, steps=4)
-    target = small_target(imagery, *flecked())
+    target = small_target(imagery, flecked())
     problem, _ = pose(target, made_of.build(), (), rays=100, seed=0)
     (sample,) = problem.view.samples
     return np.asarray(sample.fractal(np.array([1.0, 0.5]), 4))
@@ -141,7 +141,7 @@ def test_views_of_a_fit_hold_no_maps():
     """The view has read masks and winds: scenes of other weather compile nothing."""
     imagery = small_imagery()
     made_of = SceneFromImagery(imagery, known={"low": small_class()}, steps=4)
-    target = small_target(imagery, *flecked())
+    target = small_target(imagery, flecked())
     problem, _ = pose(target, made_of.build(), (), rays=50, seed=0)
     (cloud,) = _clouds(problem.scene)
     assert cloud.mask is None

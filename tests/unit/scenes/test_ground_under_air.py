@@ -120,5 +120,5 @@ def test_clear_sky_of_imagery_is_what_was_seen(light):
     view = look(scene, imagery.grid, sun_direction(imagery.time))
     seen = np.asarray(scene.total(radiances(scene, view)))
     for row, number in zip(seen, scene.bands, strict=True):
-        expected = imagery.backgrounds[number][0, 0]
+        expected = imagery.background.radiance[number][0, 0]
         np.testing.assert_allclose(row, expected, rtol=1e-4)

@@ -88,7 +88,7 @@ def test_reflectance_of_a_scene_is_that_of_its_file(tmp_path):
         scene = open_folder(folder).read((1,))
         rule = replace(RULE, cold_band=None, bright_reflectance=0.4)
         imagery = reduce_scene(scene, rule=rule).imagery
-        clear = imagery.backgrounds[1].min()
+        clear = imagery.background.radiance[1].min()
         assert clear * imagery.coefficients(1)["kappa0"] == pytest.approx(0.2, rel=0.01)
         reflective = SceneFromImagery(imagery).build().reflective
         assert reflective is not None

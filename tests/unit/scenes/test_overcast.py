@@ -48,7 +48,9 @@ def test_by_night_it_is_as_warm_as_the_standard_atmosphere(tmp_path):
     imagery = reduce_scene(overcast(tmp_path / "scene", (13, 15))).imagery
     for band in (13, 15):
         expected = planck(band, 288.15)
-        np.testing.assert_allclose(imagery.backgrounds[band], expected, rtol=1e-5)
+        np.testing.assert_allclose(
+            imagery.background.radiance[band], expected, rtol=1e-5
+        )
     (said,) = imagery.notes
     assert said.startswith("No pixel is clear: the ground is that of the table")
     assert "288.15 K of the standard atmosphere" in said
@@ -60,7 +62,7 @@ def test_it_is_as_warm_as_the_weather_says(tmp_path):
     scene = overcast(tmp_path / "scene", (13,))
     imagery = reduce_scene(scene, weather=cube).imagery
     np.testing.assert_allclose(
-        imagery.backgrounds[13], planck(13, 270.0 + 0.0065 * 110), rtol=1e-4
+        imagery.background.radiance[13], planck(13, 270.0 + 0.0065 * 110), rtol=1e-4
     )
     assert "the temperature in gfs.grib2" in imagery.notes[0]
 
@@ -71,7 +73,7 @@ def test_by_day_it_is_as_bright_as_the_table(tmp_path):
     scene = overcast(tmp_path / "scene", (3, 5, 13), SCAN_START)
     imagery = reduce_scene(scene).imagery
     for band in (3, 5):
-        factor = imagery.backgrounds[band] * kappa0(band)
+        factor = imagery.background.radiance[band] * kappa0(band)
         air = {3: 0.0075, 5: 0.0006}[band]
         expected = SEA[band - 1] * np.cos(np.radians(40)) + air
         np.testing.assert_allclose(factor.mean(), expected, rtol=0.15)
@@ -83,7 +85,7 @@ def test_land_is_that_of_the_table(tmp_path):
     scene = overcast(tmp_path / "scene", (3,), SCAN_START, **edges)
     imagery = reduce_scene(scene).imagery
     land = BARE_SHARE * BARE[2] + (1 - BARE_SHARE) * VEGETATION[2]
-    factor = np.median(imagery.backgrounds[3]) * kappa0(3)
+    factor = np.median(imagery.background.radiance[3]) * kappa0(3)
     assert factor == pytest.approx(land * np.cos(np.radians(47)) + 0.0075, rel=0.15)
 
 
@@ -101,5 +103,7 @@ def test_one_clear_corner_is_believed(tmp_path):
     warm[:4, :4] = planck(13, 295.0)
     scene = replace(scene, bands={13: replace(band, radiance=warm)})
     imagery = reduce_scene(scene).imagery
-    np.testing.assert_allclose(imagery.backgrounds[13], planck(13, 295.0), rtol=1e-5)
+    np.testing.assert_allclose(
+        imagery.background.radiance[13], planck(13, 295.0), rtol=1e-5
+    )
     assert imagery.notes == ()

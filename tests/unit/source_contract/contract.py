@@ -14,9 +14,11 @@ import pytest
 
 from cloudjax import (
     AbstractCloudSource,
+    CoarseFields,
     EmittingSlabs,
     FractalCloud,
     GriddedCloud,
+    LatLonGrid,
     PlaneParallel,
     Rays,
     Scene,
@@ -59,7 +61,17 @@ def _fractal() -> FractalCloud:
         fractal_cloud(nodes=3, smoothing=0.3),
         mask=FunctionMask(_tilted),
         displacements=(TurnedAir.by(2.0), None),
+        fields=_fields(),
+        extinction_growth=jnp.asarray(0.3),
     )
+
+
+def _fields() -> CoarseFields:
+    """Optical depth, top and roughness that rise to the north and the east."""
+    axes = np.linspace(19.0, 21.0, 5), np.linspace(9.0, 11.0, 5)
+    slope = (axes[0] - 20)[:, None] + 0.5 * (axes[1] - 10)[None]
+    nodes = slope[..., None] * np.array([1.0, 600.0, 0.6])
+    return CoarseFields(jnp.asarray(nodes, float), LatLonGrid.from_axes(*axes))
 
 
 def _gridded(periodic: bool) -> GriddedCloud:
@@ -102,7 +114,7 @@ SOURCES: dict[str, Callable[[], AbstractCloudSource]] = {
 # Whose tests take minutes.
 SLOW = ("columns", "ready columns")
 # What depends on places and is read with them. Not parameters.
-READ_WITH_PLACES = ("mask", "displacements")
+READ_WITH_PLACES = ("mask", "displacements", "fields")
 
 
 def _paper_with_shadows(scene: Scene) -> Scene:
