@@ -16,7 +16,7 @@ from .parameter_file import read_parameters as read_parameters
 from .parameters import Parameter as Parameter
 from .report import write_comparison as write_comparison
 from .scene_parameters import scene_parameters as scene_parameters
+from .statistics import Statistics as Statistics
 from .target_file import read_target as read_target
 from .target_file import write_target as write_target
-from .targets import BandStatistics as BandStatistics
 from .targets import Target as Target

@@ -188,7 +188,11 @@ def _histograms(functional, low, high, scale, count, pixels, blocks) -> Histogra
     bins = Bins(jnp.asarray(low, float), jnp.asarray(high, float), count)
     scales = jnp.broadcast_to(jnp.asarray(scale, float), bins.low.shape)
     empty = jnp.zeros((blocks, len(scales), count))
-    return _filled(Histograms(functional, bins, scales, empty), pixels, blocks)
+    return _filled(
+        Histograms(functional=functional, bins=bins, scale=scales, observed=empty),
+        pixels,
+        blocks,
+    )
 
 
 def _of(kind, pixels: Pixels, blocks: int):

@@ -68,13 +68,9 @@ class Solver:
         self._max_steps, self._on_step = max_steps, on_step
         started = time.perf_counter()
         z = jnp.zeros(len(problem.parameters))
+        rows, sums = eqx.filter_eval_shape(residuals_and_sums, z, problem)
         state = _levenberg_marquardt().init(
-            residuals_and_sums,
-            z,
-            problem,
-            {},
-            *eqx.filter_eval_shape(residuals_and_sums, z, problem),
-            frozenset(),
+            residuals_and_sums, z, problem, {}, rows, sums, frozenset()
         )
         state = eqx.tree_at(
             lambda s: s.search_state.step_size, state, jnp.asarray(1 / FIRST_DAMPING)

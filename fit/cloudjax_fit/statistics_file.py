@@ -3,6 +3,8 @@
 Sums over pixels are rounded to tenths of one; the rest is kept as it is.
 """
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
@@ -65,14 +67,15 @@ def _dataset(one: AbstractStatistic) -> xr.Dataset:
     observed = (("block", "row", "part"), np.asarray(one.observed).round(1))
     if not isinstance(one, Histograms):
         return xr.Dataset({"observed": observed})
-    bins = {
+    found: dict[str, Any] = {
+        "observed": observed,
         "low": ("row", np.asarray(one.bins.low)),
         "high": ("row", np.asarray(one.bins.high)),
         "scale": ("row", np.asarray(one.scale)),
     }
     if isinstance(one.functional, Increments):
-        bins["size"] = (("band", "lag"), np.asarray(one.functional.size))
-    return xr.Dataset({"observed": observed} | bins)
+        found["size"] = (("band", "lag"), np.asarray(one.functional.size))
+    return xr.Dataset(found)
 
 
 def _statistic(name: str, data: xr.Dataset, bands: int) -> AbstractStatistic:
@@ -88,4 +91,9 @@ def _statistic(name: str, data: xr.Dataset, bands: int) -> AbstractStatistic:
         functionals[name] = Increments(found["size"])
     observed = found["observed"]
     bins = Bins(found["low"], found["high"], observed.shape[-1])
-    return Histograms(functionals[name], bins, found["scale"], observed)
+    return Histograms(
+        functional=functionals[name],
+        bins=bins,
+        scale=found["scale"],
+        observed=observed,
+    )

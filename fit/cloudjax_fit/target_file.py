@@ -199,10 +199,12 @@ def _target(tree: xr.DataTree) -> Target:
 
 
 def _evidence(data: xr.Dataset) -> ClassEvidence:
+    latitude_deg, longitude_deg = (data[axis].to_numpy() for axis in _FIELD_CELLS)
     return ClassEvidence(
-        *(data[axis].to_numpy() for axis in _FIELD_CELLS),
-        data["fields"].to_numpy().astype(float),
-        float(data.attrs["top_m"]),
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        nodes=data["fields"].to_numpy().astype(float),
+        top_m=float(data.attrs["top_m"]),
     )
 
 

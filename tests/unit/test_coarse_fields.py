@@ -1,6 +1,7 @@
 """Coarse fields make clouds thicker here and higher there, and smoother elsewhere."""
 
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -24,7 +25,7 @@ RAYS = rays_to(GEOSTATIONARY_M, ground_points(40, 20.0, 10.0, 0.4))
 STEPS = 12
 
 
-def _cloud(fields: CoarseFields | None = None, **changes) -> FractalCloud:
+def _cloud(fields: CoarseFields | None = None, **changes: Any) -> FractalCloud:
     cloud = replace(
         fractal_cloud(Shell(1000.0, 4000.0), nodes=3, base_m=2000.0, top_m=2600.0),
         mask=FunctionMask(lambda φ, λ: 0.3 + 0 * φ),
@@ -76,7 +77,7 @@ def test_tops_move_both_barriers():
 
 def test_roughness_multiplies_textures_and_mask():
     f = _cloud().function
-    twice = {"weights": 2 * f.weights, "mask_gain": 2 * f.mask_gain}
+    twice: dict[str, Any] = {"weights": 2 * f.weights, "mask_gain": 2 * f.mask_gain}
     rough = _found(_cloud(_uniform(roughness=np.log(2.0))))
     _assert_alike(rough, _found(_cloud(**twice)))
 

@@ -192,7 +192,12 @@ def test_resampling_knows_no_blocks_without_data():
     counts = rng.integers(1, 9, (12, 1, 5)).astype(float)
     cover = np.stack([counts.sum((1, 2)), np.full(12, 60.0)], axis=-1)[:, None]
     bins = Bins(jnp.zeros(1), jnp.ones(1), 5)
-    radiances = Histograms(Values(), bins, jnp.ones(1), jnp.asarray(counts))
+    radiances = Histograms(
+        functional=Values(),
+        bins=bins,
+        scale=jnp.ones(1),
+        observed=jnp.asarray(counts),
+    )
     statistics = Statistics(jnp.ones(1), (radiances,), Coverage(jnp.asarray(cover)), ())
     alone = _bootstrap(statistics, [counts, cover], np.random.default_rng(1))
     padded = [np.pad(s, ((0, 20), (0, 0), (0, 0))) for s in (counts, cover)]

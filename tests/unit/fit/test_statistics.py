@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.small_fits import BLOCKS, SHAPE, flecked, small_imagery, small_target
 
-from cloudjax_fit.functionals import Pairs, Pixels, image_pairs
+from cloudjax_fit.functionals import Increments, Pairs, Pixels, image_pairs
 from cloudjax_fit.observation import target_of
 from cloudjax_fit.ray_choice import draw_rays
 from cloudjax_fit.statistics import EdgeShares, Histograms, MeanSquares
@@ -97,6 +97,7 @@ def test_increments_are_counted_in_cloud_and_at_its_edge(target):
     what is near their edges."""
     increments = target.statistics.parts[2]
     assert isinstance(increments, Histograms)
+    assert isinstance(increments.functional, Increments)
     images, (_, weights) = flecked(), _weights(target, flecked())
     size = np.asarray(increments.functional.size)
     observed = np.asarray(increments.observed).sum(0).reshape(2, 2, len(LAGS), -1)

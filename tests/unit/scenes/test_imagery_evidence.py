@@ -1,10 +1,13 @@
 """What imagery tells of clouds from place to place, and which pixels are whose."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from cloudjax import imagery_classes
 from cloudjax_data import DataError
+from cloudjax_data.calibration import EmissiveCalibration
 from cloudjax_scenes.cells import Cells, places_at
 from cloudjax_scenes.class_pixels import Shown, tell_classes
 from cloudjax_scenes.imagery_evidence import (
@@ -63,8 +66,9 @@ def test_classes_that_take_no_pixel_are_an_error():
         tell_classes(_shown(window_k=None), classes)
 
 
-def _evidence(albedo, kelvin=CLOUD_K, own=EVERY):
+def _evidence(albedo, kelvin: Any = CLOUD_K, own=EVERY):
     calibration = default_calibration(13)
+    assert isinstance(calibration, EmissiveCalibration)
     cells = Cells.covering(GRID, EVERY, CELL_PIXELS)
     clear, black = (
         calibration.radiance(np.broadcast_to(k, SHAPE)) for k in (GROUND_K, kelvin)
