@@ -55,7 +55,7 @@ def main() -> None:
         "versions": versions(),
         "pixels": list(target.imagery.grid.shape),
         "thinning": THINNING,
-        "bands": list(target.statistics),
+        "bands": list(target.quantiles),
         "fits": fits,
         "renderings": run_renderings(target, scene),
     }
@@ -68,7 +68,8 @@ def main() -> None:
 def run_fits(target: Target) -> tuple[list[dict], Scene]:
     """As `cloudjax_fit.fit`, without its uncertainties and its image of the start."""
     made_of = SceneFromImagery(target.imagery)
-    scene, parameters = made_of.build(), scene_parameters(made_of)
+    scene = made_of.build()
+    parameters = [p for p in scene_parameters(made_of) if p.free]
     rows = []
     for rays in RAYS:
         problem, _ = pose(target, scene, parameters, rays=rays, seed=0)
@@ -93,8 +94,8 @@ def run_fits(target: Target) -> tuple[list[dict], Scene]:
 def _w1_over_std(target: Target, image: SimulatedImage) -> dict[int, float]:
     weights = image.cloud.reshape(-1)
     return {
-        n: distances(band.quantiles, image.band(n).reshape(-1), weights).w1_over_std
-        for n, band in target.statistics.items()
+        n: distances(observed, image.band(n).reshape(-1), weights).w1_over_std
+        for n, observed in target.quantiles.items()
     }
 
 

@@ -56,7 +56,7 @@ def _draw_band(axes, target, number, images, weights) -> None:
         ax.set(xticks=[], yticks=[])
     axes[0].set_title(values[0].title, fontsize=10)
     # The observed cloud pixels are known by their quantiles.
-    observed = of(target.statistics[number].quantiles.equal_weights()).shown
+    observed = of(target.quantiles[number].equal_weights()).shown
     simulated = values[1].shown.ravel()
     use = weights > 0
     first, last = np.percentile(observed, [0.1, 99.9])

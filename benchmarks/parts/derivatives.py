@@ -98,7 +98,7 @@ def make_problem(rays: int):
         p
         for p in every
         if p.name.split(".")[0] in target.imagery.fractions
-        and not p.name.endswith("infrared_ratio")
+        and not p.name.endswith(("infrared_ratio", "_response"))
     ]
     assert len(shapes) == COUNT
     problem, _ = pose(target, made_of.build(), shapes, rays=rays, seed=0)

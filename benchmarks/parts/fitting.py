@@ -46,7 +46,7 @@ def _pose(rays: int):
 
     target = embedded_target()
     made_of = SceneFromImagery(target.imagery)
-    parameters = scene_parameters(made_of)
+    parameters = [p for p in scene_parameters(made_of) if p.free]
     problem, _ = pose(target, made_of.build(), parameters, rays=rays, seed=0)
     return problem, unbounded_of(parameters)
 
