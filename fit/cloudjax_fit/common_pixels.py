@@ -14,12 +14,13 @@ def common_pixels(
 ) -> tuple[Image, Image] | None:
     """Return both images, NaN where the other one is; None unless they show one area.
 
-    One grid may be finer than the other: a coarse pixel counts if all fine ones in it
-    do.
+    Both are on the coarser grid then, or on the first one's: fine pixels are averaged,
+    for detail that one image cannot show is no difference. A coarse pixel counts if all
+    fine ones in it do.
     """
     if not _same_area(a_grid, b_grid):
         return None
-    if a_grid.step_rad <= b_grid.step_rad:
+    if a_grid.step_rad < b_grid.step_rad:
         return _masked(a, a_grid, b, b_grid)
     b, a = _masked(b, b_grid, a, a_grid)
     return a, b
@@ -28,9 +29,13 @@ def common_pixels(
 def _masked(fine: Image, fine_grid, coarse: Image, coarse_grid) -> tuple[Image, Image]:
     rows = _nearest(fine_grid.y_rad, coarse_grid.y_rad)[:, None]
     columns = _nearest(fine_grid.x_rad, coarse_grid.x_rad)[None, :]
-    known = np.isfinite(coarse)
-    np.logical_and.at(known, (rows, columns), np.isfinite(fine))
-    return _where(known[rows, columns], fine), _where(known, coarse)
+    pixel = (rows * coarse.shape[1] + columns).ravel()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        means = np.bincount(pixel, np.asarray(fine, float).ravel(), coarse.size)
+        means /= np.bincount(pixel, minlength=coarse.size)
+    means = means.reshape(coarse.shape)
+    known = np.isfinite(coarse) & np.isfinite(means)
+    return _where(known, means.astype(np.float32)), _where(known, coarse)
 
 
 def _where(known: Bool[np.ndarray, "_ _"], values: Image) -> Image:

@@ -17,6 +17,7 @@ from cloudjax_scenes.quantity import RADIANCE, Quantity, parse_variable
 
 from .common_pixels import common_pixels
 from .histogram import Distances, distances
+from .texture import FEWEST_ROWS, TexturePair, texture
 
 
 if TYPE_CHECKING:
@@ -75,7 +76,10 @@ def read_radiances(path: str | PathLike[str]) -> dict[int, BandRadiances]:
 
 @dataclass(frozen=True, eq=False)
 class BandComparison:
-    """One band of two sets of radiances; `distances` take `a` as the observed one."""
+    """One band of two sets of radiances; `distances` take `a` as the observed one.
+
+    `textures` are those of `a` and of `b`, where both are images of one shape.
+    """
 
     number: int
     name: str
@@ -83,6 +87,7 @@ class BandComparison:
     a: BandRadiances
     b: BandRadiances
     distances: Distances
+    textures: TexturePair | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +138,7 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
             key: number if math.isfinite(number) else None
             for key, number in asdict(band.distances).items()
         }
+        | ({"texture": band.textures.numbers()} if band.textures else {})
         for band in comparison.bands
     }
     return {
@@ -173,7 +179,15 @@ def _compare_band(a: BandRadiances, b: BandRadiances) -> BandComparison:
         a=a,
         b=b,
         distances=distances(a.pixels(), b.pixels()),
+        textures=_textures(a.image(), b.image()),
     )
+
+
+def _textures(a, b) -> TexturePair | None:
+    if a is None or b is None or a.shape != b.shape or min(a.shape) < FEWEST_ROWS:
+        return None
+    known = np.isfinite(a) & np.isfinite(b)
+    return TexturePair(texture(a, known), texture(b, known))
 
 
 def _check_some_shared(

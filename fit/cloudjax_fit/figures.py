@@ -7,7 +7,7 @@ window opens, and nothing is left behind in `pyplot`.
 import base64
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import matplotlib
@@ -15,11 +15,12 @@ import numpy as np
 from jaxtyping import Float, Num
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from cloudjax_scenes.display import Display
 
 from .histogram import Sample
+from .texture import Texture
 
 
 INK = "#22262b"
@@ -147,6 +148,28 @@ def images_figure(
         if drawn is not None:
             figure.colorbar(drawn, ax=list(row), label=display.label, fraction=0.05)
         return _png_uri(figure)
+
+
+def texture_figure(textures: Sequence[tuple[str, Texture]], units: str) -> str:
+    """Spectra and increments of images, as an SVG data URI."""
+    strokes = [replace(REFERENCE, width=3.0), AFTER]
+    with matplotlib.rc_context(_RC):
+        figure = Figure(figsize=(8.4, 3.1), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        for (label, one), stroke in zip(textures, strokes, strict=False):
+            left.loglog(one.wavelength, one.power, label=label, **_line(stroke))
+            right.loglog(one.lag, one.increment, label=label, **_line(stroke))
+        left.set_xlabel("longest wavelength of the octave (pixels)")
+        left.set_ylabel(f"power ({units})²")
+        left.invert_xaxis()
+        right.set_xlabel("distance of two pixels (pixels)")
+        right.set_ylabel(f"mean difference ({units})")
+        for axes in (left, right):
+            axes.xaxis.set_major_locator(LogLocator(base=2))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_locator(NullLocator())
+            axes.legend()
+        return _svg_uri(figure)
 
 
 def history_figure(losses: Sequence[float | int | np.floating]) -> str:

@@ -34,6 +34,7 @@ from .report import (
     format_number,
     write_fit_report,
 )
+from .texture import FEWEST_ROWS, TexturePair, texture
 from .uncertainty import Estimate
 
 
@@ -64,13 +65,15 @@ def write_fit(
     values = {parameter.name: value for parameter, value in found.items()}
     title = f"Parameters of {imagery.name}, {imagery.platform}, {_time(result)}"
     image = image_dataset(result.image, imagery, values, result.settings.seed)
-    numbers = json.dumps(fit_numbers(result), indent=2, allow_nan=False)
+    textures = _textures(result, observed_images or {})
+    numbers = json.dumps(fit_numbers(result, textures), indent=2, allow_nan=False)
     with staged(folder, last=NUMBERS) as aside:
         made_of = result.made_of
         text = parameters_text(made_of.classes, found, made_of.light, title)
         (aside / PARAMETERS).write_text(text, encoding="utf-8")
         write_netcdf(aside / IMAGE, image)
-        write_fit_report(aside / REPORT, fit_report(result, observed_images))
+        page = fit_report(result, observed_images, textures)
+        write_fit_report(aside / REPORT, page)
         (aside / NUMBERS).write_text(numbers + "\n", encoding="utf-8")
 
 
@@ -80,8 +83,33 @@ def _values(result: FitResult) -> dict[Parameter, float]:
     return found | {p: p.default for p in result.held}
 
 
-def fit_numbers(result: FitResult) -> dict[str, Any]:
+def _textures(result: FitResult, observed: Images) -> dict[int, TexturePair]:
+    """The textures of the images by band, of cloud where increments are counted."""
+    good, imagery = result.target.good, result.target.imagery
+    if not observed or min(good.shape) < FEWEST_ROWS:
+        return {}
+    scene = imagery.empty_scene
+    seen = np.stack([np.where(good, observed[n], 0.0).ravel() for n in scene.bands])
+    weights = imagery.rule.weights(jnp.asarray(seen, float), scene)
+    clouds = np.asarray(weights).reshape(good.shape) > 0.5, result.image.cloud > 0.5
+    return {
+        n: TexturePair(
+            *(
+                texture(image, good, cloud)
+                for image, cloud in zip(
+                    (observed[n], result.image.band(n)), clouds, strict=True
+                )
+            )
+        )
+        for n in result.target.quantiles
+    }
+
+
+def fit_numbers(
+    result: FitResult, textures: Mapping[int, TexturePair] | None = None
+) -> dict[str, Any]:
     """The content of `fit.json`; None stands for what is not finite."""
+    textures = textures or {}
     return _plain(
         {
             "scene": _scene(result),
@@ -95,7 +123,8 @@ def fit_numbers(result: FitResult) -> dict[str, Any]:
             "cloud_optical_depth": optical_depths(result),
             "clouds": {n: _cloud_numbers(c) for n, c in condensate(result).items()},
             "bands": {
-                str(n): _band_numbers(result, n) for n in result.target.quantiles
+                str(n): _band_numbers(result, n, textures.get(n))
+                for n in result.target.quantiles
             },
             "parameters": {
                 e.parameter.name: _estimate_numbers(e) for e in result.estimates
@@ -169,15 +198,22 @@ def _cloud_numbers(cloud: Condensate) -> dict[str, Any]:
     }
 
 
-def fit_report(result: FitResult, observed_images: Images | None = None) -> FitReport:
+def fit_report(
+    result: FitResult,
+    observed_images: Images | None = None,
+    textures: Mapping[int, TexturePair] | None = None,
+) -> FitReport:
     """What the page of a fit shows."""
-    images = observed_images or {}
+    images, textures = observed_images or {}, textures or {}
     return FitReport(
         title=f"Fit of {result.target.imagery.name}",
         scene=_facts(result),
         status=_status_sentence(result),
         converged=result.converged,
-        bands=[_band_report(result, n, images) for n in result.target.quantiles],
+        bands=[
+            _band_report(result, n, images, textures.get(n))
+            for n in result.target.quantiles
+        ],
         clouds=condensate(result),
         parameters=[_row(estimate) for estimate in result.estimates],
         undetermined=result.undetermined,
@@ -207,7 +243,9 @@ def _missing(result: FitResult) -> float:
     return missing_share(result.target, np.isfinite(result.image.radiance[0]))
 
 
-def _band_numbers(result: FitResult, number: int) -> dict[str, Any]:
+def _band_numbers(
+    result: FitResult, number: int, textures: TexturePair | None
+) -> dict[str, Any]:
     band = result.target.imagery.bands[number]
     start, fitted = result.distances_start[number], result.distances_fit[number]
     return {
@@ -217,7 +255,7 @@ def _band_numbers(result: FitResult, number: int) -> dict[str, Any]:
         "std_observed": fitted.std_observed,
         **_distance_numbers(start, "start"),
         **_distance_numbers(fitted, "fit"),
-    }
+    } | ({"texture": textures.numbers()} if textures else {})
 
 
 def _distance_numbers(distances: Distances, when: str) -> dict[str, float]:
@@ -274,7 +312,9 @@ def _status_sentence(result: FitResult) -> str:
     return steps if result.converged else f"{result.status.strip()} {steps}"
 
 
-def _band_report(result: FitResult, number: int, observed: Images) -> BandReport:
+def _band_report(
+    result: FitResult, number: int, observed: Images, textures: TexturePair | None
+) -> BandReport:
     imagery = result.target.imagery
     band, coefficients = imagery.bands[number], imagery.coefficients(number)
     simulated = BandImage(band, coefficients, result.image.band(number))
@@ -293,6 +333,7 @@ def _band_report(result: FitResult, number: int, observed: Images) -> BandReport
         display=simulated.display,
         observed_image=seen,
         simulated_image=simulated.shown,
+        textures=textures,
     )
 
 

@@ -28,6 +28,7 @@ from .comparison import BandComparison, Comparison, comparison_json
 from .condensate import Condensate
 from .figures import Curve, Stroke
 from .histogram import Distances, Pixels, Quantiles, sample_of
+from .texture import TexturePair
 
 
 Image: TypeAlias = Num[np.ndarray, "_ _"]
@@ -54,6 +55,7 @@ class BandReport:
     - `simulated_start`, `simulated_fit`: with the parameters before and after the fit.
     - `observed_image`, `simulated_image`: in the quantity that `display` names, NaN
         where masked; drawn side by side on one scale. Either may be absent.
+    - `textures`: of the radiances of the observed and of the simulated image.
     """
 
     number: int
@@ -67,6 +69,7 @@ class BandReport:
     display: Display
     observed_image: Image | None = None
     simulated_image: Image | None = None
+    textures: TexturePair | None = None
 
 
 @dataclass(frozen=True)
@@ -199,6 +202,8 @@ class _BandView:
     columns: Sequence[_Column]
     density: str | None
     difference: str | None
+    texture: str | None
+    texture_words: str
     images: str | None
     n_images: int
     remarks: Sequence[str]
@@ -230,6 +235,7 @@ def _fit_band(band: BandReport) -> _BandView:
         ],
         images=[("observed", band.observed_image), ("fit", band.simulated_image)],
         display=band.display,
+        textures=band.textures,
     )
 
 
@@ -248,6 +254,7 @@ def _compared_band(band: BandComparison) -> _BandView:
         ],
         images=images,
         display=display,
+        textures=band.textures,
         quantity=quantity,
     )
 
@@ -258,10 +265,12 @@ def _band_view(
     curves: Sequence[tuple[str, Curve | None]],
     images: Sequence[tuple[str, Image | None]],
     display: Display,
+    textures: TexturePair | None,
     quantity: Quantity = RADIANCE,
 ) -> _BandView:
     units = _pretty(band.units)
     axis = f"{quantity.words} ({units})"
+    labels = images[0][0], images[-1][0]
     drawn = [curve for _, curve in curves if curve is not None]
     has_reference = curves[0][1] is not None
     shown = [(title, image) for title, image in images if image is not None]
@@ -272,6 +281,8 @@ def _band_view(
         columns=columns,
         density=figures.density_figure(drawn, axis) if drawn else None,
         difference=figures.difference_figure(drawn, axis) if has_reference else None,
+        texture=_texture_figure(textures, labels, units),
+        texture_words=_texture_words(textures, labels),
         images=figures.images_figure(shown, display) if shown else None,
         n_images=len(shown),
         remarks=[
@@ -279,6 +290,32 @@ def _band_view(
             for label, curve in curves
             if curve is None
         ],
+    )
+
+
+def _texture_figure(
+    pair: TexturePair | None, labels: tuple[str, str], units: str
+) -> str | None:
+    if pair is None:
+        return None
+    named = list(zip(labels, (pair.reference, pair.other), strict=True))
+    return figures.texture_figure(named, units)
+
+
+def _texture_words(pair: TexturePair | None, labels: tuple[str, str]) -> str:
+    """How far the second image is from the first, at the worst of all scales."""
+    if pair is None:
+        return ""
+    power, ratio = pair.power_ratio_db, pair.increment_ratio
+    if np.isnan(power).all() or np.isnan(ratio).all():
+        return ""
+    worst = int(np.nanargmax(np.abs(power)))
+    return (
+        f"Power of “{labels[1]}” is within {format_number(abs(power[worst]), 2)} dB of "
+        f"that of “{labels[0]}” in every octave, worst from "
+        f"{pair.reference.wavelength[worst]:g} pixels on; its differences are "
+        f"{format_number(np.nanmin(ratio))} to {format_number(np.nanmax(ratio))} times "
+        "as large."
     )
 
 

@@ -19,6 +19,7 @@ from cloudjax_fit.fit_files import fit_numbers, write_fit
 from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_fit.parameter_file import read_parameters
 from cloudjax_fit.scene_parameters import scene_parameters
+from cloudjax_fit.texture import TexturePair, texture
 
 
 FILES = {"fit.json", "parameters.toml", "report.html", "simulated.nc"}
@@ -61,6 +62,25 @@ def test_the_numbers_are_what_the_contract_says(folder, result):
     assert {"value", "std", "determined"} <= set(threshold)
     assert {"scene", "versions", "history", "undetermined", "seeds"} <= set(numbers)
     assert set(numbers["cloud_fraction"]) == {"observed", "start", "simulated"}
+
+
+def test_textures_of_both_images_are_compared(folder, run, result):
+    """Power of the whole images, increments where the rule finds cloud in each."""
+    band = json.loads((folder / "fit.json").read_text())["bands"]["13"]
+    observed, simulated = run.observed[13], result.image.band(13)
+    good = run.target.good
+    seen = np.stack([run.observed[n].ravel() for n in (1, 3, 13)])
+    weights = run.target.imagery.rule.weights(
+        jnp.asarray(np.nan_to_num(seen), float), run.target.imagery.empty_scene
+    )
+    clouds = np.asarray(weights).reshape(good.shape) > 0.5, result.image.cloud > 0.5
+    one, other = (
+        texture(image, good, cloud)
+        for image, cloud in zip((observed, simulated), clouds, strict=True)
+    )
+    assert band["texture"] == TexturePair(one, other).numbers()
+    assert "Spectra and increments of C13" in (folder / "report.html").read_text()
+    assert "texture" not in fit_numbers(result)["bands"]["13"]
 
 
 def test_depth_and_water_of_each_class_stand_beside_the_parameters(folder):
