@@ -123,7 +123,7 @@ def read_inputs(
                 f"{folder.path} holds no weather file to take a mask from: add the GFS "
                 "analysis of that hour, or do without --weather-mask."
             )
-        target = replace(target, imagery=analysis.masked(target.imagery, known))
+        target = replace(target, imagery=analysis.masked(target.imagery, told))
     placed = fitted is None or fitted.classes is None
     made_of = settings.fit.scene_from(target.imagery, analysis, known, placed=placed)
     observed = {number: band.radiance for number, band in scene.bands.items()}

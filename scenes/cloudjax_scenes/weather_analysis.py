@@ -14,7 +14,6 @@ from cloudjax import (
     Conditions,
     LatLonGrid,
     TemperatureProfile,
-    cloud_classes,
     cloud_fraction,
 )
 from cloudjax.air.gases import LEVELS_M
@@ -100,15 +99,12 @@ class Analysis:
         check_altitude(self.cube, altitude_m)
         return fractions_at(self._regular.at_altitude(altitude_m), conditions)
 
-    def masked(
-        self, imagery: Imagery, classes: Mapping[str, CloudClass] | None = None
-    ) -> Imagery:
+    def masked(self, imagery: Imagery, classes: Mapping[str, CloudClass]) -> Imagery:
         """Put the analysis's clouds in place of those of the imagery, where it holds
         the scene.
 
-        **Arguments:** `classes`: whose conditions tell where; by default Table 1's.
+        **Arguments:** `classes`: whose conditions tell where.
         """
-        classes = cloud_classes() if classes is None else classes
         φ, λ = np.meshgrid(imagery.latitude_deg, imagery.longitude_deg, indexing="ij")
         # Within mountains there is no cloud, beyond the analysis nobody knows.
         known = self._regular.known_columns.astype(float)

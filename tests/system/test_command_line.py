@@ -106,16 +106,25 @@ def test_info_by_day(scene):
     assert lines["missing"].startswith("bands 2, 4")
     assert "-2.0 hours from the imagery: near enough" in lines["weather"]
     assert lines["ignored"] == "notes.txt"
-    assert lines["sunlight"] == "for bands 1, 3, paper light"
-    assert lines["thermal scattering"].startswith("left out")
+    assert lines["sunlight"] == "for bands 1, 3, physical light"
+    assert lines["thermal scattering"].startswith("by slabs")
     assert lines["shadows"].startswith("left out")
     assert lines["advection"].endswith("gfs.grib2")
+    assert lines["air"].endswith("gfs.grib2")
+
+
+def test_info_in_the_paper_s_light(scene):
+    result = run("info", scene, "--light", "paper")
+    assert result.exit_code == 0, result.output
+    lines = dict(_label_and_text(line) for line in result.output.splitlines())
+    assert lines["sunlight"] == "for bands 1, 3, paper light"
+    assert lines["thermal scattering"].startswith("left out")
     assert lines["air"].startswith("left out")
 
 
 def test_info_tells_the_air_of_each_band(scene):
     write_weather(scene, SCAN_START - timedelta(hours=2))
-    result = run("info", scene, "--light", "physical")
+    result = run("info", scene)
     assert result.exit_code == 0, result.output
     lines = dict(_label_and_text(line) for line in result.output.splitlines())
     assert lines["air"].endswith("the mean profile of gfs.grib2")

@@ -235,7 +235,8 @@ def test_classes_that_a_fit_found_stand_in_weather(folder, tmp_path):
     result = run("render", *MESO, *given, *classes, "-o", image)
     assert result.exit_code == 0, result.output
     with xr.open_dataset(image) as data:
-        assert data["cloud_class"].attrs["flag_meanings"] == "clear cirrus low_stratus"
+        classes = "clear cirrus thick_cold low_stratus"
+        assert data["cloud_class"].attrs["flag_meanings"] == classes
         assert float(data["cloud_fraction"].max()) > 0.5
 
 
