@@ -89,7 +89,10 @@ def _temperature_offset() -> Parameter:
 
 
 def _reflective_air(i: int, band: Band, light: Light) -> list[Parameter]:
-    """What is left of the air, and the calibration; less where the air is computed."""
+    """What is left of the air, and the calibration.
+
+    Where the air is computed its path is held: a scene knows it no better.
+    """
     path = path_reflectance(band, light)
     spread = (0.005, 0.05) if light.air else (0.01 + 0.5 * path, 0.1)
     prior = 1.0, 0.5, 1.5, spread[1]
@@ -104,6 +107,7 @@ def _reflective_air(i: int, band: Band, light: Light) -> list[Parameter]:
             -0.1,
             0.3,
             spread[0],
+            free=not light.air,
         ),
         Parameter(f"air.gain_{band.name}", gain, *prior),
     ]
@@ -112,5 +116,11 @@ def _reflective_air(i: int, band: Band, light: Light) -> list[Parameter]:
 def _emissive_gain(i: int, band: Band, light: Light) -> Parameter:
     spread = 0.01 if light.air else 0.03
     return Parameter(
-        f"air.gain_{band.name}", f"emissive.gain.{i}", 1.0, 0.7, 1.2, spread
+        f"air.gain_{band.name}",
+        f"emissive.gain.{i}",
+        1.0,
+        0.7,
+        1.2,
+        spread,
+        free=not light.air,
     )

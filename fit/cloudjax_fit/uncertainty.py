@@ -112,26 +112,35 @@ def _noise(
 
     Those of places and of the priors are independent and 1.
     """
-    rng = np.random.default_rng(seed)
-    statistics = problem.statistics
-    observed = [np.asarray(one.observed, float) for one in statistics.all]
-    data = _bootstrap(statistics, observed, rng)
-    data = data + _bootstrap(statistics, simulated, rng)
+    data = _bootstrap(problem.statistics, simulated, np.random.default_rng(seed))
     noise = np.eye(len(data) + len(problem.block_fraction) + len(problem.parameters))
     noise[: len(data), : len(data)] = data
     return noise
 
 
-def _bootstrap(statistics: Statistics, sums, rng) -> Float[np.ndarray, "data data"]:
-    """Covariance of all numbers, blocks being drawn anew; one draw serves all."""
-    known = sums[-1][:, 0, 1] > 0
+def _bootstrap(
+    statistics: Statistics, simulated, rng
+) -> Float[np.ndarray, "data data"]:
+    """Covariance of simulated less observed numbers, blocks being drawn anew.
+
+    One draw serves both sides: what the weather of a block is, they share, and what
+    one draw of clouds differs from another they do not.
+    """
+    observed = [np.asarray(one.observed, float) for one in statistics.all]
+    known = np.ones(len(observed[-1]), bool)
+    for side in (observed, simulated):
+        known &= side[-1][:, 0, 1] > 0
     blocks = int(known.sum())
     draws = rng.multinomial(blocks, np.full(blocks, 1 / blocks), size=RESAMPLES)
-    numbers = []
-    for one, some in zip(statistics.all, sums, strict=True):
-        totals = np.tensordot(draws, some[known], axes=1)
-        numbers.append(np.asarray(jax.vmap(one.numbers)(jnp.asarray(totals, float))))
-    return np.cov(np.concatenate(numbers, axis=1), rowvar=False)
+    differences = []
+    for one, *sides in zip(statistics.all, simulated, observed, strict=True):
+        of_draws = jax.vmap(one.numbers)
+        told, seen = (
+            np.asarray(of_draws(jnp.asarray(np.tensordot(draws, each[known], axes=1))))
+            for each in sides
+        )
+        differences.append(told - seen)
+    return np.cov(np.concatenate(differences, axis=1), rowvar=False)
 
 
 def _undetermined(parameters: Sequence[Parameter], relative) -> list[str]:

@@ -15,9 +15,9 @@ from .clouds.classes import CloudClass as CloudClass
 from .clouds.classes import ImageryRule as ImageryRule
 from .clouds.cloud_function import CloudFunction as CloudFunction
 from .clouds.fractal import FractalCloud as FractalCloud
-from .clouds.fractal import Latent as Latent
 from .clouds.gridded import GriddedCloud as GriddedCloud
 from .clouds.ladder import Ladder as Ladder
+from .clouds.level_set import Latent as Latent
 from .clouds.noise import Gaussian as Gaussian
 from .clouds.noise import InvertedWorley as InvertedWorley
 from .clouds.noise import Perlin as Perlin

@@ -267,6 +267,9 @@ def test_parameters_have_usual_bounds_unless_the_file_gives_them(tmp_path):
         "barrier_scale",
         "extinction",
         "infrared_ratio",
+        "depth_response",
+        "top_response",
+        "roughness_response",
     ]
     assert usual["threshold"].default == 0.1
     assert usual["threshold"].prior == Prior(-4.0, 4.0, 0.7)

@@ -28,8 +28,10 @@ from .class_parameters import (
     Prior,
     short_name,
 )
-from .fractal import CloudFunction, FractalCloud, Latent
+from .cloud_function import CloudFunction
+from .fractal import FractalCloud
 from .ladder import Ladder
+from .level_set import Latent
 
 
 Phase = Literal["water", "ice"]

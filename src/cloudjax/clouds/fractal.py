@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -29,41 +28,16 @@ from .cloud_function import CloudFunction
 from .fractal_path import FractalPath
 from .fractal_samples import FractalSamples, held_alike
 from .ladder import Ladder, Rung, common_share, frames, kept, rungs
+from .level_set import Latent, level_set
 from .noise import bands, noise_bands
 from .rung_reader import NoiseOfRungs, RungReader
 from .source import AbstractCloudSource, Occupancy, Slopes
 
 
-# Beyond this many widths the level set is decided: erf is 1 to float32.
-_MAX_WIDTHS = 8.0
-# A change of CF within one step that is as good as a jump.
-_MAX_CHANGE = 6.0
 # Of the logarithm of extinction, where it grows into the cloud.
 _MOST_GROWTH = 4.0
 # Steps to each point at which gradients of the noise are sampled.
 _STEPS_PER_SLOPE = 3
-
-
-class Latent(eqx.Module):
-    """What a pixel does not resolve: one standard Gaussian per ray, by quadrature.
-
-    Averaging the noise over the footprint removes variance from CF. The part that all
-    points of a ray within the cloud have in common enters as a Gaussian latent,
-    radiances being averaged over its Gauss-Hermite nodes; the rest widens the level
-    set.
-
-    **Fields:** `nodes`, `weights` of the quadrature.
-    """
-
-    nodes: Float[Array, " nodes"]
-    weights: Float[Array, " nodes"]
-
-    @staticmethod
-    def gauss_hermite(count: int = 5) -> "Latent":
-        nodes, weights = np.polynomial.hermite_e.hermegauss(count)
-        return Latent(
-            jnp.asarray(nodes, float), jnp.asarray(weights / weights.sum(), float)
-        )
 
 
 class FractalCloud(AbstractCloudSource):
@@ -300,16 +274,7 @@ class FractalCloud(AbstractCloudSource):
             altitude = altitude - placed.lift_m(self.response)[:, None]
         value = f(fractal, mask, altitude)
         common, own, steep = self._unresolved(samples, amplitudes, rough)
-        if self.latent.nodes.shape[0] == 1:
-            common, own = jnp.zeros_like(common), own + common
-        # The floors keep the slopes of the roots finite where nothing is lost.
-        left = (f.smoothing**2 + own)[:, None] + _spread_of_steps(value)
-        width = jnp.sqrt(jnp.maximum(left, 1e-12))
-        shift = jnp.sqrt(jnp.maximum(common, 1e-12))[:, None]
-        shifted = value[None] + self.latent.nodes[:, None, None] * shift[None]
-        widths = jnp.clip(shifted / width[None], -_MAX_WIDTHS, _MAX_WIDTHS)
-        # jax.scipy's ndtr keeps the far tails to all digits, at three times the price.
-        fraction = 0.5 + 0.5 * jax.lax.erf(np.sqrt(0.5) * widths)
+        shifted, fraction = level_set(value, common, f.smoothing**2 + own, self.latent)
         growth = self.extinction_growth * jnp.maximum(shifted, 0)
         fraction = fraction * jnp.exp(jnp.clip(growth, -_MOST_GROWTH, _MOST_GROWTH))
         if placed is not None:
@@ -334,21 +299,6 @@ class FractalCloud(AbstractCloudSource):
 
 def _where(counts: list[int], count: int) -> tuple[int, ...]:
     return tuple(i for i, other in enumerate(counts) if other == count)
-
-
-def _spread_of_steps(value: Float[Array, "rays steps"]) -> Float[Array, "rays steps"]:
-    """Variance of CF within each step, as of a straight line: (change)²/12.
-
-    It makes the share of a step that is cloud right where the level set cuts it, so
-    that the march converges with the square of the step.
-    """
-    if value.shape[-1] == 1:
-        return jnp.zeros_like(value)
-    change = jnp.diff(value, axis=-1)
-    inner = (change[:, 1:] + change[:, :-1]) / 2
-    whole = jnp.concatenate([change[:, :1], inner, change[:, -1:]], axis=-1)
-    # Where a barrier shuts within one step, no width can say where.
-    return jnp.minimum(jnp.abs(whole), _MAX_CHANGE) ** 2 / 12
 
 
 @compiled_for_many("knots")

@@ -189,19 +189,30 @@ def test_images_are_compared_where_there_are_data(halves):
 def test_resampling_knows_no_blocks_without_data():
     """The covariance of counts of blocks is that of those with data alone."""
     rng = np.random.default_rng(0)
-    counts = rng.integers(1, 9, (12, 1, 5)).astype(float)
-    cover = np.stack([counts.sum((1, 2)), np.full(12, 60.0)], axis=-1)[:, None]
-    bins = Bins(jnp.zeros(1), jnp.ones(1), 5)
-    radiances = Histograms(
-        functional=Values(),
-        bins=bins,
-        scale=jnp.ones(1),
-        observed=jnp.asarray(counts),
-    )
-    statistics = Statistics(jnp.ones(1), (radiances,), Coverage(jnp.asarray(cover)), ())
-    alone = _bootstrap(statistics, [counts, cover], np.random.default_rng(1))
-    padded = [np.pad(s, ((0, 20), (0, 0), (0, 0))) for s in (counts, cover)]
-    again = _bootstrap(statistics, padded, np.random.default_rng(1))
+
+    def sums(pixels):
+        counts = rng.integers(1, 9, (12, 1, 5)).astype(float)
+        cover = np.stack([counts.sum((1, 2)), np.full(12, pixels)], axis=-1)
+        return [counts, cover[:, None]]
+
+    def of(counts, cover):
+        bins = Bins(jnp.zeros(1), jnp.ones(1), 5)
+        radiances = Histograms(
+            functional=Values(),
+            bins=bins,
+            scale=jnp.ones(1),
+            observed=jnp.asarray(counts),
+        )
+        cover = Coverage(jnp.asarray(cover))
+        return Statistics(jnp.ones(1), (radiances,), cover, ())
+
+    def padded(sums):
+        return [np.pad(s, ((0, 20), (0, 0), (0, 0))) for s in sums]
+
+    observed, simulated = sums(60.0), sums(7.0)
+    alone = _bootstrap(of(*observed), simulated, np.random.default_rng(1))
+    whole = of(*padded(observed))
+    again = _bootstrap(whole, padded(simulated), np.random.default_rng(1))
     np.testing.assert_array_equal(alone, again)
 
 
