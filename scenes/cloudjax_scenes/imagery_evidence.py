@@ -30,7 +30,7 @@ _LEAST_EMISSIVITY = 0.1
 _LAPSE_K_PER_M = 0.0065
 # How far fields may go from their mean; tops by a part of the shell.
 _MOST_DEPTH, _MOST_ROUGHNESS = 2.5, 1.5
-_MOST_OF_SHELL, _MOST_TOP_M = 0.12, 500.0
+_MOST_OF_SHELL, _MOST_TOP_M = 0.35, 500.0
 # Pixels of increments.
 _LAGS = 1, 2
 # A mask of nothing or of everything says no more than this.
@@ -68,18 +68,34 @@ class Seen:
 
     - `albedo`: of the cloud: what is brighter than the ground over what is darker than
       white.
+    - `emissivity`: of the cloud in the window.
     - `window`, `clear`: radiance in the window, and without cloud.
+    - `detail`: what differs more between neighbours where clouds are rougher.
     """
 
     albedo: Float[np.ndarray, "y x"]
+    emissivity: Float[np.ndarray, "y x"]
     window: Float[np.ndarray, "y x"]
     clear: Float[np.ndarray, "y x"]
+    detail: Float[np.ndarray, "y x"]
 
-    @property
-    def emissivity(self) -> Float[np.ndarray, "y x"]:
-        """Of the cloud in the window, by its albedo."""
-        depth = _HALF_DEPTH * self.albedo / (1 - self.albedo)
-        return np.clip(1 - np.exp(-_ABSORBED * depth / _SLANT), _LEAST_EMISSIVITY, 1)
+    @classmethod
+    def by_day(cls, albedo: Float[np.ndarray, "y x"], window, clear) -> "Seen":
+        """Tell emissivities by albedos (`cloud_albedo`)."""
+        depth = _HALF_DEPTH * albedo / (1 - albedo)
+        emissivity = 1 - np.exp(-_ABSORBED * depth / _SLANT)
+        emissivity = np.clip(emissivity, _LEAST_EMISSIVITY, 1)
+        return cls(albedo, emissivity, window, clear, logit(albedo))
+
+    @classmethod
+    def by_night(cls, window: Float[np.ndarray, "y x"], clear, kelvin) -> "Seen":
+        """Take clouds for opaque and alike: thin high cloud looks as thick lower one.
+
+        **Arguments:** `kelvin`: brightness temperature in the window.
+        """
+        return cls(
+            np.full(window.shape, 0.5), np.ones(window.shape), window, clear, kelvin
+        )
 
 
 def cloud_albedo(reflectance, ground) -> Float[np.ndarray, "*pixels"]:
@@ -122,7 +138,7 @@ def class_evidence(
     black = mean(seen.clear + (seen.window - seen.clear) / emissivity, own, emissivity)
     below = SEA_LEVEL_TEMPERATURE_K - kelvin(np.maximum(black, 1e-3))
     top = below / _LAPSE_K_PER_M
-    rough = np.log(np.maximum(_roughness(mean, logit(seen.albedo), own), 1e-3))
+    rough = np.log(np.maximum(_roughness(mean, seen.detail, own), 1e-3))
     use = hit & own.reshape(-1)
     count = cells.total(latitude[use], longitude[use], np.ones(use.sum()))
     mask = mean(ndtri(_EDGE + (1 - 2 * _EDGE) * fraction), own)

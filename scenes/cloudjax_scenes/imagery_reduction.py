@@ -232,23 +232,14 @@ def _evidence(
     told: Mapping[str, ClassPixels],
     classes: Mapping[str, CloudClass],
 ) -> dict[str, ClassEvidence]:
-    """What the pixels of each class tell, where both halves of the rule are seen."""
-    bright, cold = imagery.rule.bright_band, imagery.rule.cold_band
-    if bright is None or cold is None:
+    """What the pixels of each class tell, where a window is seen."""
+    cold, grid = imagery.rule.cold_band, scene.grid
+    if cold is None:
         return {}
-    grid, below = scene.grid, imagery.background.on(scene.grid)
-    calibration = scene.bands[bright].calibration, scene.bands[cold].calibration
-    assert isinstance(calibration[0], ReflectiveCalibration)
-    assert isinstance(calibration[1], EmissiveCalibration)
-    height = np.maximum(_sun_height(scene, grid)[0], LOWEST_SUN)
-    seen = Seen(
-        cloud_albedo(
-            calibration[0].reflectance(scene.bands[bright].radiance) / height,
-            calibration[0].reflectance(below[bright]) / height,
-        ),
-        np.asarray(scene.bands[cold].radiance, float),
-        below[cold],
-    )
+    calibration = scene.bands[cold].calibration
+    assert isinstance(calibration, EmissiveCalibration)
+    kelvin = calibration.brightness_temperature_k
+    seen = _seen(scene, imagery, cold, kelvin)
     cells = Cells.covering(grid, shown.good, EVIDENCE_PIXELS)
     masks = LatLonGrid.from_axes(imagery.latitude_deg, imagery.longitude_deg)
     found = {}
@@ -262,9 +253,25 @@ def _evidence(
             np.asarray(fraction).reshape(grid.shape),
             shell.top_m - shell.bottom_m,
             seen,
-            calibration[1].brightness_temperature_k,
+            kelvin,
         )
     return found
+
+
+def _seen(scene: AbiScene, imagery: Imagery, cold: int, kelvin) -> Seen:
+    grid, bright = scene.grid, imagery.rule.bright_band
+    below = imagery.background.on(grid)
+    window = np.asarray(scene.bands[cold].radiance, float)
+    if bright is None:
+        return Seen.by_night(window, below[cold], kelvin(np.maximum(window, 1e-3)))
+    calibration = scene.bands[bright].calibration
+    assert isinstance(calibration, ReflectiveCalibration)
+    height = np.maximum(_sun_height(scene, grid)[0], LOWEST_SUN)
+    albedo = cloud_albedo(
+        calibration.reflectance(scene.bands[bright].radiance) / height,
+        calibration.reflectance(below[bright]) / height,
+    )
+    return Seen.by_day(albedo, window, below[cold])
 
 
 def _background(

@@ -1,5 +1,6 @@
 """What imagery tells of clouds from place to place, and which pixels are whose."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -73,9 +74,8 @@ def _evidence(albedo, kelvin: Any = CLOUD_K, own=EVERY):
     clear, black = (
         calibration.radiance(np.broadcast_to(k, SHAPE)) for k in (GROUND_K, kelvin)
     )
-    seen = Seen(np.broadcast_to(albedo, SHAPE), black, clear)
-    emissivity = seen.emissivity
-    seen = Seen(seen.albedo, clear + emissivity * (black - clear), clear)
+    seen = Seen.by_day(np.broadcast_to(albedo, SHAPE), black, clear)
+    seen = replace(seen, window=clear + seen.emissivity * (black - clear))
     return cells, class_evidence(
         cells,
         places_at(GRID, 1000.0),
@@ -83,6 +83,26 @@ def _evidence(albedo, kelvin: Any = CLOUD_K, own=EVERY):
         np.full(SHAPE, 0.5),
         2650.0,
         seen,
+        calibration.brightness_temperature_k,
+    )
+
+
+def _by_night(kelvin):
+    """Opaque cloud of these temperatures, and what is told of it."""
+    calibration = default_calibration(13)
+    assert isinstance(calibration, EmissiveCalibration)
+    kelvin = np.broadcast_to(kelvin, SHAPE)
+    window, clear = (
+        calibration.radiance(k) for k in (kelvin, np.full(SHAPE, GROUND_K))
+    )
+    cells = Cells.covering(GRID, EVERY, CELL_PIXELS)
+    return cells, class_evidence(
+        cells,
+        places_at(GRID, 1000.0),
+        EVERY,
+        np.full(SHAPE, 0.5),
+        9300.0,
+        Seen.by_night(window, clear, kelvin),
         calibration.brightness_temperature_k,
     )
 
@@ -113,6 +133,22 @@ def test_tops_are_where_the_air_is_as_cold():
         assert north - south == pytest.approx(500.0, rel=0.03)
         mean = (288.15 - CLOUD_K - 3.25 / 2) / 0.0065
         assert told.top_m == pytest.approx(mean, rel=0.02)
+
+
+def test_by_night_tops_are_told_by_temperatures_alone():
+    """13 K are 2000 m of opaque cloud; depths are not told."""
+    cells, told = _by_night(np.where(NORTH, 240.0, 253.0))
+    north, south = _halves(cells, told.nodes[..., 1])
+    assert north - south == pytest.approx(2000.0, rel=0.03)
+    assert told.top_m == pytest.approx((288.15 - 246.5) / 0.0065, rel=0.02)
+    assert np.abs(told.nodes[..., 0]).max() < 1e-9
+
+
+def test_by_night_roughness_is_that_of_temperatures():
+    noise = np.random.default_rng(0).standard_normal(SHAPE)
+    cells, told = _by_night(250 + np.where(NORTH, 1.0, 0.5) * noise)
+    north, south = _halves(cells, told.nodes[..., 2])
+    assert north - south == pytest.approx(np.log(2.0), rel=0.1)
 
 
 def test_roughness_is_that_of_increments():
