@@ -66,12 +66,13 @@ def _pixels(shown: Shown, rule: ImageryRule) -> ClassPixels | None:
     """The pixels of one class; None where the image cannot tell it."""
     own, seen = shown.cloud, shown.good
     window_k, reflectance = shown.window_k, shown.reflectance
-    if rule.brighter_than is not None:
+    if rule.darker_than is not None:
+        # Unseen by the sun clouds are taken for opaque, as their tops are.
         if reflectance is None:
             return None
-        own = own & (reflectance > rule.brighter_than)
-    if rule.darker_than is not None and reflectance is not None:
         own = own & (reflectance <= rule.darker_than)
+    if rule.brighter_than is not None and reflectance is not None:
+        own = own & (reflectance > rule.brighter_than)
     if rule.colder_than_standard_at_m is not None:
         if window_k is None:
             return None

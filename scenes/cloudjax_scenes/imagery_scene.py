@@ -26,9 +26,14 @@ from cloudjax.air.clear_air import rayleigh
 from cloudjax_data import DataError
 
 from .imagery import Imagery
+from .imagery_evidence import ClassEvidence
 from .imagery_sky import ImagerySky
 from .lights import PAPER, Light
 from .weather_analysis import Analysis
+
+
+# Deviations of the prior of tops, that shells have room for above the highest.
+ROOM_SPREADS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +76,7 @@ class SceneFromImagery:
         evidence = self.imagery.evidence if self.placed else {}
         found = [self.available[name] for name in self.imagery.fractions]
         return tuple(
-            one.with_top(evidence[one.name].top_m) if one.name in evidence else one
+            _raised(one, evidence[one.name]) if one.name in evidence else one
             for one in found
         )
 
@@ -147,6 +152,17 @@ class SceneFromImagery:
         if self.analysis is None:
             return [None] * len(self.classes)
         return self.analysis.displacements(self.classes)
+
+
+def _raised(one: CloudClass, told: ClassEvidence) -> CloudClass:
+    """The class where the imagery has it, with room for the highest of its clouds.
+
+    A fit may raise all of them by some deviations of the prior.
+    """
+    one = one.with_top(told.top_m)
+    top = next(p for p in one.parameters if p.key == "top_m")
+    highest_m = float(told.nodes[..., 1].max())
+    return one.with_room(one.top_m + highest_m + ROOM_SPREADS * top.prior.spread)
 
 
 def path_reflectance(band: Band, light: Light) -> float:

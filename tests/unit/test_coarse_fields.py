@@ -75,11 +75,20 @@ def test_tops_move_both_barriers():
     _assert_alike(_found(_cloud(_uniform(top_m=300.0))), _found(plain))
 
 
-def test_roughness_multiplies_textures_and_mask():
+def test_roughness_multiplies_textures_mask_and_what_they_must_exceed():
+    """Of a margin M = 2 exp(-(z_t - z_b)/2h) + T twice as much: T + M for T."""
     f = _cloud().function
-    twice: dict[str, Any] = {"weights": 2 * f.weights, "mask_gain": 2 * f.mask_gain}
+    barriers = 2 * np.exp(-(f.top_m - f.base_m) / (2 * f.barrier_scale_m))
+    twice: dict[str, Any] = {
+        "weights": 2 * f.weights,
+        "mask_gain": 2 * f.mask_gain,
+        "threshold": 2 * f.threshold + barriers,
+    }
     rough = _found(_cloud(_uniform(roughness=np.log(2.0))))
-    _assert_alike(rough, _found(_cloud(**twice)))
+    occupancy, _ = _found(_cloud(**twice))
+    # As many clouds as without the fields.
+    _, chance = _found(_cloud())
+    _assert_alike(rough, (occupancy, chance))
 
 
 def test_clouds_follow_as_strongly_as_they_respond():

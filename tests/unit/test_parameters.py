@@ -36,11 +36,11 @@ SCENE = Scene(
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        ("layers.low_stratus.cloud.function.threshold", -1.2),
-        ("low_stratus.cloud.function.threshold", -1.2),
-        ("cirrus.cloud.function.weights.1", 0.5),
+        ("layers.low_stratus.cloud.function.threshold", -1.21),
+        ("low_stratus.cloud.function.threshold", -1.21),
+        ("cirrus.cloud.function.weights.1", 0.35),
         ("layers.cirrus.extinction_per_m", 0.003),
-        ("layers.1.extinction_per_m", 0.04),
+        ("layers.1.extinction_per_m", 0.012),
         ("reflective.gain.1", 1.0),
         ("reflection.indirect", 0.3),
         ("temperature.offset_k", 0.0),
@@ -58,12 +58,12 @@ def test_several_numbers_are_put_at_once_and_the_rest_stays():
         SCENE,
         {
             "cirrus.cloud.function.weights.1": 0.7,
-            "layers.cirrus.cloud.function.weights.2": 0.9,
+            "layers.cirrus.cloud.function.persistences.0": 0.9,
             "reflective.path": np.array([0.1, 0.2]),
         },
     )
     weights = value_at(changed, "cirrus.cloud.function.weights")
-    np.testing.assert_allclose(weights, [1.0, 0.7, 0.9])
+    np.testing.assert_allclose(weights, [1.0, 0.7])
     moved = {
         path
         for path in paths(SCENE)
@@ -72,7 +72,8 @@ def test_several_numbers_are_put_at_once_and_the_rest_stays():
     assert moved == {
         "layers.cirrus.cloud.function.weights",
         "layers.cirrus.cloud.function.weights.1",
-        "layers.cirrus.cloud.function.weights.2",
+        "layers.cirrus.cloud.function.persistences",
+        "layers.cirrus.cloud.function.persistences.0",
         "reflective.path",
         "reflective.path.0",
         "reflective.path.1",

@@ -61,7 +61,7 @@ USUAL = {
     "infrared_ratio": Prior(0.1, 60.0, 0.1, log=True),
     "extinction_growth": Prior(-0.5, 2.0, 0.3),
     "depth_response": Prior(0.0, 3.0, 0.3),
-    "top_response": Prior(0.0, 3.0, 0.3),
+    "top_response": Prior(0.3, 2.0, 0.3),
     "roughness_response": Prior(0.0, 3.0, 0.3),
 }
 ALTITUDE_SPREAD_M = 1000.0

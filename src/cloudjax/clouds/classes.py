@@ -95,7 +95,7 @@ class ImageryRule:
       colder ones hide what is below them.
     - `brighter_than`, `darker_than`: reflectance factor of pixels in the band that
       tells cloud by day. An image without such a band has no class that must be
-      brighter than anything.
+      darker than anything: its clouds are taken for thick.
     - `altitude_m`: where the clouds stand, to undo the parallax; None for the middle of
       the shell.
     """
@@ -272,6 +272,11 @@ class CloudClass:
         high = min(self.shell.top_m, prior.upper - margin)
         top_m = float(min(max(altitude_m, low), high))
         return replace(self, top_m=top_m, base_m=self.base_m + top_m - self.top_m)
+
+    def with_room(self, altitude_m: float) -> "CloudClass":
+        """Raise the shell's top to an altitude, if it is lower."""
+        top_m = max(self.shell.top_m, altitude_m)
+        return replace(self, conditions=replace(self.conditions, shell_top_m=top_m))
 
     def _within_shell(self, altitude_m: float) -> Prior:
         """Allow a barrier as far as its scale beyond the shell."""

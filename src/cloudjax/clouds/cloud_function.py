@@ -74,26 +74,25 @@ class CloudFunction(eqx.Module):
         below, above = self._barriers(altitude_m)
         return (below - above) / self.barrier_scale_m
 
-    def likelihood(
-        self,
-        mask: Float[Array, " rays"],
-        ladders: tuple[Ladder, ...],
-        roughness: Float[Array, " rays"] | None = None,
-    ) -> Float[Array, " rays"]:
-        """Of cloud in the middle of the layer under a mask, for normal noise.
+    @property
+    def margin(self) -> Float[Array, ""]:
+        """What textures and mask must exceed in the middle of the layer.
 
-        **Arguments:** `roughness`: a factor on textures and mask; None is 1.
+        T and the least of both barriers together.
         """
         thickness = (self.top_m - self.base_m) / self.barrier_scale_m
         barriers = 2 * self.barrier_strength * jnp.exp(-jnp.maximum(thickness, 0) / 2)
+        return barriers + self.threshold
+
+    def likelihood(
+        self, mask: Float[Array, " rays"], ladders: tuple[Ladder, ...]
+    ) -> Float[Array, " rays"]:
+        """Of cloud in the middle of the layer under a mask, for normal noise."""
         powers = jnp.asarray([rung.power for rung in rungs(ladders)], float)
         variance = self.smoothing**2 + self.amplitudes(ladders) ** 2 @ powers
         # The floor keeps the slope of the root finite where nothing varies.
         spread = jnp.sqrt(jnp.maximum(variance, 1e-12))
-        against = barriers + self.threshold
-        if roughness is not None:
-            against = against / roughness
-        return ndtr((self.mask_gain * mask - against) / spread)
+        return ndtr((self.mask_gain * mask - self.margin) / spread)
 
     def _barriers(self, altitude_m):
         below = (self.base_m - altitude_m) / self.barrier_scale_m

@@ -183,12 +183,7 @@ class FractalCloud(AbstractCloudSource):
         self, samples: FractalPath | FractalSamples
     ) -> Float[Array, " rays"]:
         """Estimate how likely a ray is to meet cloud, by the most of its mask."""
-        rough = None
-        if samples.placed is not None:
-            rough = samples.placed.roughness(self.response)
-        most = self.function.likelihood(
-            samples.mask.values.max(-1), self.ladders, rough
-        )
+        most = self.function.likelihood(samples.mask.values.max(-1), self.ladders)
         return jnp.where(samples.path.length_m > 0, most, 0.0)
 
     def sample(
@@ -273,6 +268,9 @@ class FractalCloud(AbstractCloudSource):
             fractal, mask = rough[:, None] * fractal, rough[:, None] * mask
             altitude = altitude - placed.lift_m(self.response)[:, None]
         value = f(fractal, mask, altitude)
+        if rough is not None:
+            # As many clouds stand in smooth places as in rough ones.
+            value = value + ((1 - rough) * f.margin)[:, None]
         common, own, steep = self._unresolved(samples, amplitudes, rough)
         shifted, fraction = level_set(value, common, f.smoothing**2 + own, self.latent)
         growth = self.extinction_growth * jnp.maximum(shifted, 0)

@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
-from scipy.ndimage import map_coordinates
 
 from .geodesy import GRS80, Ellipsoid, ecef, up
 from .rays import Rays
@@ -223,6 +222,9 @@ class FixedGrid:
 
         **Arguments:** `nodes`: [y x channels].
         """
+        # Readers of files need not wait for scipy.
+        from scipy.ndimage import map_coordinates
+
         x, y = self._angles_rad(self._line_m(latitude_deg, longitude_deg))
         position = _index(self.y_rad, y), _index(self.x_rad, x)
         channels = np.moveaxis(np.asarray(nodes), -1, 0)

@@ -73,5 +73,5 @@ class Placed(eqx.Module):
         return response.top * self.values[:, 1]
 
     def roughness(self, response: Response) -> Float[Array, " rays"]:
-        """Return the factor on textures and mask."""
+        """Return the factor on textures and mask, and on what they must exceed."""
         return jnp.exp(response.roughness * self.values[:, 2])

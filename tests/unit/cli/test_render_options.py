@@ -121,7 +121,7 @@ def test_a_scene_is_rendered_with_the_fitted_values(scene, tmp_path, simulated):
         'light_strategy = "paper"\n[low_stratus]\nextinction = 0.005\n'
         "[air]\ngain_C13 = 1.05\n"
     )
-    _scene(scene, tmp_path)
+    _scene(scene, tmp_path, "--light", "paper")
     _scene(scene, tmp_path, "--parameters", file)
     plain, fitted = (asked[0] for asked in simulated)
     low = {layer.name: layer for layer in fitted.layers}["low_stratus"]

@@ -54,11 +54,11 @@ def test_clouds_are_told_by_temperature_and_brightness():
     assert told["cirrus"].seen.all()
 
 
-def test_by_night_all_that_is_cold_is_thin():
+def test_by_night_all_that_is_cold_is_taken_for_thick():
     told = tell_classes(_shown(reflectance=None), imagery_classes())
-    assert list(told) == ["cirrus", "low_stratus"]
+    assert list(told) == ["thick_cold", "low_stratus"]
     turn = np.broadcast_to(np.arange(SHAPE[1]) % 5, SHAPE)
-    np.testing.assert_array_equal(told["cirrus"].own, turn < 2)
+    np.testing.assert_array_equal(told["thick_cold"].own, turn < 2)
 
 
 def test_classes_that_take_no_pixel_are_an_error():
