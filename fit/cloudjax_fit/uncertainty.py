@@ -100,8 +100,8 @@ def _estimate(parameter: Parameter, value, start, deviation) -> Estimate:
 
 
 def _sandwich(jacobian, noise) -> Float[np.ndarray, "parameters parameters"]:
-    # The rows of the priors keep JᵀJ regular, whatever the data say, unless rounding has
-    # put a parameter onto its bound, where it moves nothing.
+    # The rows of the priors keep JᵀJ regular, whatever the data say, unless rounding
+    # has put a parameter onto its bound, where it moves nothing.
     bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     return bread @ (jacobian.T @ noise @ jacobian) @ bread
 

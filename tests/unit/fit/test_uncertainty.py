@@ -181,6 +181,18 @@ def test_what_both_sides_share_is_no_doubt(posed):
             assert one.std < 0.2 * other.std
 
 
+def test_a_parameter_that_rounding_puts_onto_its_bound_stands_there(posed):
+    """The logistic curve is flat there: no residual knows the parameter any more."""
+    free, problem, *_ = posed
+    z = unbounded_of(free).at[1].set(1e4)
+    known = _solution(problem, z)
+    assert not known.jacobian[:, 1].any()
+    estimates, _ = estimate(problem, free, z, known, seed=0)
+    assert [e.at_bound for e in estimates] == [False, True, False, False]
+    assert not estimates[1].determined
+    assert np.isfinite([e.std for e in estimates]).all()
+
+
 def _named(sentence: str) -> dict[str, float]:
     terms = re.findall(r"([+-][\d.]+) ([a-z]\S+)", sentence)
     return {name: float(number) for number, name in terms}
