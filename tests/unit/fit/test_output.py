@@ -129,6 +129,7 @@ def test_parameters_come_back(folder, result):
     fitted = read_parameters(folder / "parameters.toml")
     assert fitted.light == "physical"
     expected = {e.parameter.name: e.value for e in result.estimates}
+    expected |= {p.name: p.default for p in result.held}
     own = {n: v for n, v in expected.items() if n.startswith(("air", "light"))}
     assert fitted.values == pytest.approx(own)
     made_of = dataclasses.replace(result.made_of, known=fitted.classes, placed=False)

@@ -37,7 +37,7 @@ def _standard_k(altitude_m: float) -> float:
 
 @pytest.mark.parametrize(
     ("name", "cloud_m", "kelvin"),
-    [("cirrus", 8250.0, 235.0), ("low_stratus", 1000.0, 273.5)],
+    [("thick_cold", 4500.0, 235.0), ("low_stratus", 1000.0, 273.5)],
 )
 def test_clouds_are_placed_where_they_are_and_not_where_they_are_seen(
     tmp_path, name, cloud_m, kelvin
@@ -92,18 +92,18 @@ def test_clouds_colder_than_the_air_at_2500_m_are_high(tmp_path):
     """300 m, 2 K, to either side of where the low shell ends."""
     image = np.full(SHAPE, SEA_K)
     image[BLOCK] = _standard_k(2800.0)
-    assert list(_reduced(tmp_path / "high", image).fractions) == ["cirrus"]
+    assert list(_reduced(tmp_path / "high", image).fractions) == ["thick_cold"]
     image[BLOCK] = _standard_k(2200.0)
     assert list(_reduced(tmp_path / "low", image).fractions) == ["low_stratus"]
 
 
 def test_the_threshold_is_that_of_the_class(tmp_path):
     classes = imagery_classes()
-    high, low = classes["cirrus"], classes["low_stratus"]
+    high, low = classes["thick_cold"], classes["low_stratus"]
     assert high.imagery is not None
     assert low.imagery is not None
     moved = {
-        "cirrus": replace(
+        "thick_cold": replace(
             high, imagery=replace(high.imagery, colder_than_standard_at_m=6000.0)
         ),
         "low_stratus": replace(
@@ -122,8 +122,8 @@ def test_low_cloud_covers_a_share_of_what_high_cloud_leaves_free(tmp_path):
     turn = np.arange(SHAPE[1]) % 4
     row = np.where(turn == 0, 235.0, np.where(turn == 1, 274.0, SEA_K))
     imagery = _reduced(tmp_path / "scene", np.tile(row, (SHAPE[0], 1)))
-    middle = tuple(n // 2 for n in imagery.fractions["cirrus"].shape)
-    assert imagery.fractions["cirrus"][middle] == pytest.approx(1 / 4, abs=0.02)
+    middle = tuple(n // 2 for n in imagery.fractions["thick_cold"].shape)
+    assert imagery.fractions["thick_cold"][middle] == pytest.approx(1 / 4, abs=0.02)
     assert imagery.fractions["low_stratus"][middle] == pytest.approx(1 / 3, abs=0.02)
 
 
