@@ -15,6 +15,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 # Between pixels, in pixels. Each is twice the one before, as are rungs of textures.
 LAGS = (1, 2, 4, 8, 16, 32)
+# Of one lag and direction: those of a full disc would take tens of gigabytes.
+MOST_PAIRS = 1_000_000
 
 
 class Pairs(eqx.Module):
@@ -50,9 +52,13 @@ class Pairs(eqx.Module):
 
 
 def image_pairs(
-    good: Bool[np.ndarray, "y x"], lags: tuple[int, ...]
+    good: Bool[np.ndarray, "y x"], lags: tuple[int, ...], most: int = MOST_PAIRS
 ) -> list[Int[np.ndarray, "2 _"]]:
-    """List all pairs of good pixels, in rows and in columns, by lag."""
+    """List pairs of good pixels, in rows and in columns, by lag.
+
+    All of them, or where there are more than `most` in rows or in columns, every
+    second, third or so.
+    """
     number = np.arange(good.size).reshape(good.shape)
     found = []
     for lag in lags:
@@ -60,7 +66,8 @@ def image_pairs(
         for swap in (False, True):
             known, own = (good.T, number.T) if swap else (good, number)
             both = known[:, :-lag] & known[:, lag:]
-            pairs.append(np.stack([own[:, :-lag][both], own[:, lag:][both]]))
+            ends = np.stack([own[:, :-lag][both], own[:, lag:][both]])
+            pairs.append(ends[:, :: max(1, -(-ends.shape[1] // most))])
         found.append(np.concatenate(pairs, axis=1))
     return found
 

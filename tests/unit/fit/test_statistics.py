@@ -92,6 +92,20 @@ def test_edges_are_pairs_of_which_one_is_cloud(target):
         assert sums[row, 0] == pytest.approx(expected, rel=2e-3)
 
 
+def test_of_many_pairs_some_are_taken_from_everywhere():
+    """100 × 80 pixels, 7 of 10 good: of each direction at most 500, evenly."""
+    good = np.random.default_rng(0).random((100, 80)) < 0.7
+    every, some = (image_pairs(good, LAGS, most) for most in (10**6, 500))
+    for lag, pairs, chosen in zip(LAGS, every, some, strict=True):
+        rows = good[lag:] & good[:-lag], good[:, lag:] & good[:, :-lag]
+        assert pairs.shape[1] == sum(both.sum() for both in rows)
+        assert 500 < chosen.shape[1] <= 1000
+        assert set(map(tuple, chosen.T)) <= set(map(tuple, pairs.T))
+        # Of a tenth of the image a tenth, within 2 %.
+        tenth = np.histogram(chosen[0], bins=10, range=(0, good.size))[0]
+        np.testing.assert_allclose(tenth / chosen.shape[1], 0.1, atol=0.02)
+
+
 def test_increments_are_counted_in_cloud_and_at_its_edge(target):
     """Weights: both ends, w w'; an end at least, w + w' - w w'. Tolerance: bins share
     what is near their edges."""

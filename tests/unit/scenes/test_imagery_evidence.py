@@ -67,44 +67,42 @@ def test_classes_that_take_no_pixel_are_an_error():
         tell_classes(_shown(window_k=None), classes)
 
 
-def _evidence(albedo, kelvin: Any = CLOUD_K, own=EVERY):
+def _window() -> EmissiveCalibration:
     calibration = default_calibration(13)
     assert isinstance(calibration, EmissiveCalibration)
+    return calibration
+
+
+def _radiance(kelvin):
+    return _window().radiance(np.broadcast_to(kelvin, SHAPE))
+
+
+def _told(seen: Seen, own=EVERY, depth_m=2650.0):
+    """The cells, and what is told of a class that covers half of the sky."""
     cells = Cells.covering(GRID, EVERY, CELL_PIXELS)
-    clear, black = (
-        calibration.radiance(np.broadcast_to(k, SHAPE)) for k in (GROUND_K, kelvin)
-    )
-    seen = Seen.by_day(np.broadcast_to(albedo, SHAPE), black, clear)
-    seen = replace(seen, window=clear + seen.emissivity * (black - clear))
     return cells, class_evidence(
         cells,
         places_at(GRID, 1000.0),
         own,
         np.full(SHAPE, 0.5),
-        2650.0,
+        depth_m,
         seen,
-        calibration.brightness_temperature_k,
+        _window().brightness_temperature_k,
     )
+
+
+def _evidence(albedo, kelvin: Any = CLOUD_K, own=EVERY):
+    clear, black = _radiance(GROUND_K), _radiance(kelvin)
+    seen = Seen.by_day(np.broadcast_to(albedo, SHAPE), black, clear)
+    window = clear + seen.emissivity * (black - clear)
+    return _told(replace(seen, window=window), own)
 
 
 def _by_night(kelvin):
     """Opaque cloud of these temperatures, and what is told of it."""
-    calibration = default_calibration(13)
-    assert isinstance(calibration, EmissiveCalibration)
     kelvin = np.broadcast_to(kelvin, SHAPE)
-    window, clear = (
-        calibration.radiance(k) for k in (kelvin, np.full(SHAPE, GROUND_K))
-    )
-    cells = Cells.covering(GRID, EVERY, CELL_PIXELS)
-    return cells, class_evidence(
-        cells,
-        places_at(GRID, 1000.0),
-        EVERY,
-        np.full(SHAPE, 0.5),
-        9300.0,
-        Seen.by_night(window, clear, kelvin),
-        calibration.brightness_temperature_k,
-    )
+    seen = Seen.by_night(_radiance(kelvin), _radiance(GROUND_K), kelvin)
+    return _told(seen, depth_m=9300.0)
 
 
 def _halves(cells, field):
