@@ -32,6 +32,16 @@ def test_a_wave_has_its_power_in_its_octave(pixels, octave, along):
     assert found.wavelength[found.power.argmax()] == octave
 
 
+@pytest.mark.parametrize("pixels", [63, 64])
+def test_rows_and_columns_count_alike(pixels):
+    """Stripes have as much power however they run: half of the plane stands for all."""
+    rows = np.indices((pixels, pixels))[0]
+    stripes = np.sin(rows / 2) + 0.3 * NOISE[:pixels, :pixels]
+    known = np.ones((pixels, pixels), bool)
+    one, other = texture(stripes, known), texture(stripes.T, known)
+    np.testing.assert_allclose(one.power, other.power, rtol=1e-4)
+
+
 def test_increments_are_those_of_all_pairs_in_rows_and_columns():
     counted = NOISE > -0.5
     found = texture(NOISE, EVERY, counted)
