@@ -103,8 +103,10 @@ def write_inputs(folder: Path) -> Path:
 
 
 def inputs(folder: Path) -> tuple:
+    """Options of a render; the decision of Table 1, by which the images are stored."""
     classes = folder / "classes.toml"
-    return "--weather", folder / "gfs.grib2", "--classes", classes, *SMALL
+    weather = "--weather", folder / "gfs.grib2", "--decision", "table1"
+    return *weather, "--classes", classes, *SMALL
 
 
 def render_image(folder: Path, file: Path) -> Path:

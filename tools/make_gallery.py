@@ -177,7 +177,7 @@ def save(figure, png: Path) -> None:
 
 
 def main(gfs: str, folder: Path, names: Sequence[str]) -> None:
-    world = open_world([gfs])
+    world = open_world([gfs], decision="table1")
     for name in names or FIGURES:
         started = time.perf_counter()
         draw(name, FIGURES[name](world), folder / f"gallery_{name}.png")

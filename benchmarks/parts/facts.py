@@ -65,7 +65,7 @@ def low_cloud_fraction(generated: bool) -> tuple[np.ndarray, str]:
         )
     from cloudjax_scenes.weather_scene import open_world
 
-    world = open_world(files)
+    world = open_world(files, decision="table1")
     start = world.series.times[0]
-    fraction = np.nan_to_num(world.fractions(world.classes[CLASS].conditions, start))
+    fraction = np.nan_to_num(world.fractions(start)[CLASS])
     return fraction, f"The weather mask is that of GFS, {start:%F %H} UTC."

@@ -1,24 +1,34 @@
 """`cloudjax info`."""
 
+from pathlib import Path
+
 import click
 
 from .options import (
     bands_option,
     ignore_weather_option,
     light_option,
-    scene_argument,
 )
 
 
 @click.command()
-@scene_argument
+@click.argument("scene", metavar="SCENE|GRIB", type=click.Path(path_type=str))
 @bands_option
 @ignore_weather_option
 @light_option
 def info(scene, bands, ignore_weather, light) -> None:
-    """Show what a scene holds, and which model parts a run would use."""
-    from cloudjax_data import open_folder
+    """Show what a scene holds, and which model parts a run would use.
 
+    Of a weather file, what `render SENSOR --weather` takes from it.
+    """
+    from cloudjax_data import open_folder
+    from cloudjax_data.grib_messages import is_grib
+
+    if Path(scene).is_file() and is_grib(Path(scene)):
+        from .weather_facts import weather_rows
+
+        _print(weather_rows(Path(scene)))
+        return
     from .folder_facts import folder_rows, run_rows
 
     folder = open_folder(scene)
@@ -29,4 +39,4 @@ def info(scene, bands, ignore_weather, light) -> None:
 
 def _print(rows) -> None:
     for label, text in rows:
-        click.echo(f"{label:<20}{text}")
+        click.echo(f"{label:<{max(20, len(label) + 2)}}{text}")

@@ -63,6 +63,13 @@ classes_option = click.option(
     "--classes", metavar="TOML", help="Classes of cloud, in place of the built-in ones."
 )
 
+decision_option = click.option(
+    "--decision",
+    metavar="NAME",
+    help="Where clouds are in the weather: evidence, all that the analysis tells, or "
+    "table1, the paper's.  [default: evidence]",
+)
+
 light_option = click.option("--light", help="physical or paper.  [default: physical]")
 
 # Of earlier releases, whose textures had voxels to choose. It still does no harm.

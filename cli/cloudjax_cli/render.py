@@ -9,6 +9,7 @@ from .options import (
     Time,
     bands_option,
     classes_option,
+    decision_option,
     ignore_weather_option,
     resolution_option,
 )
@@ -28,7 +29,7 @@ class Place(click.ParamType):
 
 
 _OF_SCENES = ("parameters", "ignore_weather")
-_OF_SENSORS = ("time", "longitude", "centre", "place")
+_OF_SENSORS = ("time", "longitude", "centre", "place", "decision")
 
 
 @click.command()
@@ -64,6 +65,7 @@ _OF_SENSORS = ("time", "longitude", "centre", "place")
     metavar="GRIB",
     help="Sensor: a global analysis; again for those of other times.",
 )
+@decision_option
 @click.option(
     "--wrf",
     multiple=True,
@@ -185,7 +187,8 @@ def _render_model(wrf, view, chosen, path: Path, options, quantities) -> None:
 
     from .progress import tile_progress
 
-    refuse(("seed", "classes"), options, "clouds of --wrf are the model's own")
+    own = "clouds of --wrf are the model's own"
+    refuse(("seed", "classes", "decision"), options, own)
     if options["frames"] > 1:
         raise click.UsageError("--wrf gives one image: leave out --frames")
     frame = open_wrf(wrf).at(options["time"])
@@ -205,7 +208,8 @@ def _render_model(wrf, view, chosen, path: Path, options, quantities) -> None:
 def _world(weather, options):
     from cloudjax_scenes.weather_scene import open_world
 
-    given = {name: options[name] for name in ("seed", "steps", "light", "shadows")}
+    names = ("decision", "seed", "steps", "light", "shadows")
+    given = {name: options[name] for name in names}
     return open_world(
         weather,
         options["classes"],

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from .weather_fields import GROUND, OPTIONAL, REQUIRED
+from .weather_sky import SKY
 
 
 _PRESSURE_LEVEL = "isobaricInhPa"
@@ -24,6 +25,8 @@ _ON_LEVELS = {
     "t": ("TMP",),
     "gh": ("HGT",),
     "clwmr": ("CLMR", "CLWMR"),
+    "icmr": ("ICMR",),
+    "tcc": ("TCDC",),
 }
 # Parameter and level of the reader's fields at the ground, and eccodes' level.
 _AT_THE_GROUND = {
@@ -37,7 +40,7 @@ LOWEST_PRESSURE_HPA = 70.0
 
 SELECTION = (
     f"{' '.join((*REQUIRED, *OPTIONAL))} to {LOWEST_PRESSURE_HPA:g} hPa; "
-    f"{' '.join(GROUND)}"
+    f"{' '.join((*GROUND, *SKY))}"
 )
 
 _LINE = re.compile(
@@ -124,6 +127,9 @@ def _wanted(parameter: str, level: str) -> tuple[str, str, float] | None:
         *line, height = _AT_THE_GROUND[field]
         if line == [parameter, level]:
             return kind, name, height
+    for field in SKY.values():
+        if field.index == (parameter, level):
+            return *field.kinds[0], 0.0
     pressure = _PRESSURE.fullmatch(level)
     if pressure is None or float(pressure[1]) < LOWEST_PRESSURE_HPA:
         return None

@@ -54,6 +54,8 @@ class GribField:
         true east and north.
     - `values`: [row, column], rows from the south, columns from the west; NaN where the
         file has none.
+    - `mean_hours`: over so many hours up to its time it is a mean; 0 for a value of the
+        time itself.
     """
 
     level_type: str
@@ -66,6 +68,12 @@ class GribField:
     grid: GribGrid
     winds_along_grid: bool
     values: Float32[np.ndarray, "rows columns"]
+    mean_hours: float = 0.0
+
+    @property
+    def is_mean(self) -> bool:
+        """Whether it is a mean over time."""
+        return self.mean_hours > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +91,14 @@ class GribFields:
     other_kinds: frozenset[tuple[str, str]]
 
 
-def read_grib(path: Path, wanted: Collection[tuple[str, str]]) -> GribFields:
+def read_grib(
+    path: Path,
+    wanted: Collection[tuple[str, str]],
+    means: Collection[tuple[str, str]] = (),
+) -> GribFields:
     """Read the fields of some types of level and GRIB short names.
+
+    **Arguments:** `means`: of which of them means over time are read as well.
 
     **Raises:** `DataError` if the file is absent, not GRIB, shortened or damaged, or a
     field that is wanted is on a grid that is not known.
@@ -96,7 +110,7 @@ def read_grib(path: Path, wanted: Collection[tuple[str, str]]) -> GribFields:
             kind = message.kind
             if kind not in wanted:
                 continue
-            if message.is_plain:
+            if message.is_plain or (kind in means and message.is_mean):
                 fields.append(message.field(known))
             else:
                 others.add(kind)
@@ -167,6 +181,19 @@ class _Message:
             return self.get("derivedForecast") in _MEANS
         return template in _PLAIN_TEMPLATES
 
+    @property
+    def is_mean(self) -> bool:
+        """Whether it is a mean over hours up to a time."""
+        if self.get("stepType", str) != "avg" or not self._hours > 0:
+            return False
+        return self.get("typeOfGeneratingProcess") not in _NO_FIELDS
+
+    @property
+    def _hours(self) -> float:
+        self._eccodes.codes_set(self._handle, "stepUnits", "s")
+        start, end = (self.get(f"{end}Step", int) or 0 for end in ("start", "end"))
+        return (end - start) / 3600
+
     def field(self, known: dict[str, GribGrid]) -> GribField:
         """The field; `known` grids, by the digest of their description, are kept."""
         digest = str(self.get("md5GridSection", str))
@@ -185,6 +212,7 @@ class _Message:
             grid=grid,
             winds_along_grid=bool(self.get("uvRelativeToGrid")),
             values=self._values(grid),
+            mean_hours=self._hours if self.is_mean else 0.0,
         )
 
     def _member(self) -> int | None:

@@ -14,8 +14,9 @@ from jaxtyping import Bool, Float
 from .errors import DataError
 from .grib import read_grib
 from .lambert import LambertConic
-from .weather_fields import GROUND, REQUIRED, WANTED, assembled
+from .weather_fields import LEVELLESS, REQUIRED, WANTED, assembled
 from .weather_grid import on_plain_axes, oriented, places_held
+from .weather_sky import MEANS
 
 
 # Of all columns: so many may end below an altitude that is asked for.
@@ -35,10 +36,11 @@ class WeatherCube:
         `(level, y, x)` with `latitude(y, x)` and `longitude(y, x)`:
         `u`, `v` (m/s, to the true east and north), `w` (Pa/s: the change of pressure,
         so **positive is downward**), `r` (%), `t` (K), `gh` (geopotential metres) and,
-        where the file has it, `clwmr` (kg/kg). On `(latitude, longitude)`, where the
+        where the file has them, `clwmr` and `icmr` (kg/kg, of cloud water and ice) and
+        `tcc` (cloud cover, %). On `(latitude, longitude)`, where the
         file has them: `orog`, the height of the ground (geopotential metres); `lsm`,
         the share of land (0 to 1); `t_surface`, the temperature of the skin of ground
-        or sea (K); `t_2m`, of the air at 2 m (K).
+        or sea (K); `t_2m`, of the air at 2 m (K); and what `weather_sky.SKY` lists.
         `level` is in hPa and descends, from the ground upward. `latitude` ascends.
         `longitude` is east positive and ascends from a value in [0, 360); a global grid
         starts next to 0, a region across Greenwich goes on beyond 360. On a Lambert map
@@ -50,6 +52,7 @@ class WeatherCube:
         required variables have, and that are dropped. A level on which a variable is
         masked everywhere is one that it has not.
     - `projection`: the Lambert map, or None on latitude and longitude.
+    - `means`: variables that are means over the hours before.
     """
 
     data: xr.Dataset
@@ -57,6 +60,7 @@ class WeatherCube:
     path: Path
     lost_levels_hpa: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     projection: LambertConic | None = None
+    means: frozenset[str] = frozenset()
 
     @property
     def is_global(self) -> bool:
@@ -135,7 +139,7 @@ class WeatherCube:
         highest level.
         """
         height = self.data["gh"].to_numpy()
-        columns = self.data.drop_vars(["gh", *GROUND], errors="ignore")
+        columns = self.data.drop_vars(["gh", *LEVELLESS], errors="ignore")
         whole = _bracket(height, altitude_m)
         found = {}
         for name, values in columns.data_vars.items():
@@ -184,11 +188,16 @@ def read_weather(path: str | PathLike[str]) -> WeatherCube:
     with impossible values or twice.
     """
     path = Path(path)
-    found = assembled(path, read_grib(path, WANTED))
+    found = assembled(path, read_grib(path, WANTED, MEANS))
     data = oriented(path, found.data, found.projection, found.winds_along_grid)
     data.attrs = {"source": path.name}
     return WeatherCube(
-        data, found.valid_time, path, found.lost_levels_hpa, found.projection
+        data,
+        found.valid_time,
+        path,
+        found.lost_levels_hpa,
+        found.projection,
+        found.means,
     )
 
 

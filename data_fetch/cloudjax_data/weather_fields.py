@@ -12,6 +12,7 @@ import xarray as xr
 from .errors import DataError
 from .grib import PRESSURE, GribField, GribFields
 from .lambert import LambertConic
+from .weather_sky import MEANS, SKY, sky_of
 
 
 # short name: units, as eccodes spells them
@@ -23,7 +24,7 @@ REQUIRED = {
     "t": "K",
     "gh": "gpm",
 }
-OPTIONAL = {"clwmr": "kg kg**-1"}
+OPTIONAL = {"clwmr": "kg kg**-1", "icmr": "kg kg**-1", "tcc": "%"}
 # name in the cube: type of level and short name in the file
 GROUND = {
     "orog": ("surface", "orog"),
@@ -39,7 +40,10 @@ _WRONG_W = "wz"
 WANTED = (
     *((PRESSURE, name) for name in (*REQUIRED, *OPTIONAL, _WRONG_W)),
     *GROUND.values(),
+    *sorted(MEANS),
 )
+# Variables that have no levels.
+LEVELLESS = (*GROUND, *SKY)
 
 # Far beyond any weather: what lies outside is a number that stands for "missing".
 _POSSIBLE = {
@@ -50,6 +54,8 @@ _POSSIBLE = {
     "t": (0.0, 500.0),
     "gh": (-5e3, 100e3),
     "clwmr": (-0.1, 1.0),
+    "icmr": (-0.1, 1.0),
+    "tcc": (-1.0, 101.0),
     "t_surface": (0.0, 500.0),
     "t_2m": (0.0, 500.0),
     "lsm": (-0.01, 1.01),
@@ -68,6 +74,7 @@ class WeatherFields:
     - `lost_levels_hpa`: as in `WeatherCube`.
     - `projection`: the Lambert map, None on latitude and longitude.
     - `winds_along_grid`: whether winds are along the axes of the grid.
+    - `means`: variables that are means over the hours before.
     """
 
     data: xr.Dataset
@@ -75,6 +82,7 @@ class WeatherFields:
     lost_levels_hpa: Mapping[str, tuple[float, ...]]
     projection: LambertConic | None
     winds_along_grid: bool
+    means: frozenset[str] = frozenset()
 
 
 def assembled(path: Path, found: GribFields) -> WeatherFields:
@@ -107,6 +115,9 @@ def assembled(path: Path, found: GribFields) -> WeatherFields:
         if fields:
             (field,) = _distinct(path, name, fields).values()
             data[name] = (data["gh"].dims[1:], field.values, {"units": field.units})
+    sky = sky_of(found.fields, first)
+    for name, values in sky.values.items():
+        data[name] = (data["gh"].dims[1:], values, {"units": sky.units[name]})
     _require_possible(path, data)
     _require_rising(path, data)
     return WeatherFields(
@@ -115,6 +126,7 @@ def assembled(path: Path, found: GribFields) -> WeatherFields:
         lost,
         first.grid.projection,
         _winds_along_grid(path, [*by_name["u"], *by_name["v"]]),
+        sky.means,
     )
 
 

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 
 from .errors import DataError
 from .lambert import LambertConic
+from .weather_sky import SKY
 
 
 # Of a cell: so far beyond the outermost points a place is among them.
@@ -84,6 +85,9 @@ def _from_zero(longitude: np.ndarray) -> np.ndarray:
 
 def _require_meridians(path: Path, data: xr.Dataset) -> None:
     for name, values in data.data_vars.items():
+        # Where nothing rises, it has no top.
+        if name in SKY:
+            continue
         others = [dim for dim in values.dims if dim != "longitude"]
         empty = values.isnull().all(others).to_numpy()
         # A variable that is masked everywhere is another matter.

@@ -14,7 +14,6 @@ from cloudjax import (
     Conditions,
     LatLonGrid,
     TemperatureProfile,
-    cloud_fraction,
 )
 from cloudjax.air.gases import LEVELS_M
 from cloudjax.geometry.geodesy import MEAN_RADIUS_M
@@ -24,6 +23,7 @@ from cloudjax_data import WeatherCube, WeatherSeries, check_altitude
 from .air_profile import mean_profile, profiles_of
 from .imagery import Imagery
 from .weather_cover import held_places, held_share
+from .weather_decision import fractions_at
 
 
 MAP_STEP_DEG = 1.0
@@ -145,23 +145,6 @@ def _displacement(
         hours=hours,
         resolution_deg=MAP_STEP_DEG,
     )
-
-
-def fractions_at(
-    level, conditions: Conditions, omega_sign: float = -1.0
-) -> Float[np.ndarray, "lat lon"]:
-    """Cloud fraction of a class from the weather at its altitude; NaN under ground."""
-    humidity, temperature, omega = (
-        jnp.asarray(level[name].to_numpy(), float) for name in ("r", "t", "w")
-    )
-    fraction = cloud_fraction(
-        conditions,
-        jnp.clip(humidity / 100, 0, 1),
-        temperature,
-        omega,
-        omega_sign=omega_sign,
-    )
-    return np.where(np.isnan(humidity), np.nan, np.asarray(fraction, float))
 
 
 def wind_at(series: WeatherSeries, altitude_m: float, origin: datetime) -> Wind:

@@ -21,23 +21,21 @@ from cloudjax import (
     Air,
     Band,
     CloudClass,
-    Conditions,
     DisplacementMap,
     DrawnMask,
     EmissiveBands,
     LatLonGrid,
     Layer,
-    MaskGrid,
     ProfileGrid,
     ReflectiveBands,
     Scene,
     StandardAtmosphere,
     TemperatureGrid,
     class_layer,
-    cloud_classes,
     displacement_map,
     load_classes,
     propagate,
+    weather_classes,
 )
 from cloudjax_data import (
     DataError,
@@ -51,7 +49,8 @@ from .air_profile import profiles_of
 from .data_errors import data_errors
 from .lights import Light, light_named
 from .surface import Surface
-from .weather_analysis import MAP_STEP_DEG, fractions_at, wind_at
+from .weather_analysis import MAP_STEP_DEG, wind_at
+from .weather_decision import AllEvidence, CoverDecision, Fractions, decision_named
 
 
 # Displacement maps by altitude in metres and hours.
@@ -71,6 +70,7 @@ class World:
 
     - `series`: analyses of one time or several, over the whole globe.
     - `classes`: of cloud, by name.
+    - `decision`: on where they are: all that the analyses tell, or Table 1.
     - `seed`: of all textures.
     - `steps`: through each shell.
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
@@ -84,7 +84,8 @@ class World:
     """
 
     series: WeatherSeries
-    classes: Mapping[str, CloudClass] = field(default_factory=cloud_classes)
+    classes: Mapping[str, CloudClass] = field(default_factory=weather_classes)
+    decision: CoverDecision = field(default_factory=AllEvidence)
     seed: int = 0
     steps: int = 24
     omega_sign: float = -1.0
@@ -166,7 +167,8 @@ class World:
         emissive: Sequence[Band],
     ) -> tuple[Layer, ...]:
         layers = []
-        for i, one in enumerate(self.classes.values()):
+        fractions = self.fractions(time)
+        for i, (name, one) in enumerate(self.classes.items()):
             altitude = float(one.conditions.sampling_altitude_m)
             layers.append(
                 class_layer(
@@ -176,7 +178,7 @@ class World:
                     seed=self.seed + 100 * i,
                     steps=self.steps,
                     extinction_share=self.strategy.share,
-                    mask=self._mask(one, time, winds),
+                    mask=self._mask(one, fractions[name], winds),
                     displacements=[
                         winds.get((altitude, t.displacement_hours))
                         for t in one.textures
@@ -185,9 +187,11 @@ class World:
             )
         return tuple(layers)
 
-    def _mask(self, one: CloudClass, time: datetime, winds: Winds) -> AbstractMask:
+    def _mask(
+        self, one: CloudClass, fraction: Float[np.ndarray, "lat lon"], winds: Winds
+    ) -> AbstractMask:
         axes = _axes(self.series.cubes[0].data)
-        mask = MaskGrid.from_fraction(self.fractions(one.conditions, time), *axes)
+        mask = self.decision.mask(one, fraction, axes, self.steps)
         altitude = float(one.conditions.sampling_altitude_m)
         drawn = winds.get((altitude, one.mask_displacement_hours))
         return mask if drawn is None else DrawnMask(mask, drawn)
@@ -234,13 +238,10 @@ class World:
             if hours > 0
         }
 
-    def fractions(
-        self, conditions: Conditions, time: datetime
-    ) -> Float[np.ndarray, "lat lon"]:
-        """Cloud fraction of a class by the decision of Table 1."""
-        altitude = float(conditions.sampling_altitude_m)
-        return fractions_at(
-            self.series.at_altitude(altitude, time), conditions, self.omega_sign
+    def fractions(self, time: datetime) -> Fractions:
+        """Find the cloud fraction of each class at a time, NaN under ground."""
+        return self.decision.fractions(
+            self.series, self.classes, time, omega_sign=self.omega_sign
         )
 
     @ft.cached_property
@@ -266,6 +267,8 @@ class World:
 def open_world(
     weather: Sequence[str | os.PathLike[str]],
     classes: str | Path | None = None,
+    *,
+    decision: str | CoverDecision = "evidence",
     **settings,
 ) -> World:
     """A world from files.
@@ -273,17 +276,20 @@ def open_world(
     **Arguments:**
 
     - `weather`: GRIB files of one grid.
-    - `classes`: a TOML file; by default those of Table 1.
+    - `classes`: a TOML file; by default those of the decision.
+    - `decision`: on where clouds are, or its name, one of `DECISIONS`.
     - `settings`: other fields of `World`.
 
     **Raises:** `DataError` for any file that does not serve.
     """
+    if isinstance(decision, str):
+        decision = decision_named(decision)
     series = WeatherSeries.of([read_weather(file) for file in weather])
     with data_errors():
-        known = cloud_classes() if classes is None else load_classes(classes)
+        known = decision.classes() if classes is None else load_classes(classes)
     for cube, one in it.product(series.cubes, known.values()):
         check_altitude(cube, float(one.conditions.sampling_altitude_m))
-    return World(series, known, **settings)
+    return World(series, known, decision, **settings)
 
 
 def _axes(data) -> tuple[np.ndarray, np.ndarray]:

@@ -8,12 +8,15 @@ from .clouds.class_files import class_table as class_table
 from .clouds.class_files import cloud_classes as cloud_classes
 from .clouds.class_files import imagery_classes as imagery_classes
 from .clouds.class_files import load_classes as load_classes
+from .clouds.class_files import weather_classes as weather_classes
 from .clouds.class_parameters import ClassParameter as ClassParameter
 from .clouds.class_parameters import Prior as Prior
 from .clouds.classes import ClassTexture as ClassTexture
 from .clouds.classes import CloudClass as CloudClass
 from .clouds.classes import ImageryRule as ImageryRule
 from .clouds.cloud_function import CloudFunction as CloudFunction
+from .clouds.column_cover import ColumnCover as ColumnCover
+from .clouds.cover_mask import CoverMask as CoverMask
 from .clouds.fractal import FractalCloud as FractalCloud
 from .clouds.gridded import GriddedCloud as GriddedCloud
 from .clouds.ladder import Ladder as Ladder

@@ -20,6 +20,7 @@ from cloudjax.toml_table import (
     parse_toml,
     read_toml,
 )
+from cloudjax.weather.evidence import Evidence, Window
 from cloudjax.weather.masks import Conditions
 
 from .class_parameters import Prior
@@ -59,7 +60,10 @@ _OPTIONAL = {
     "imagery": TABLE,
     "priors": TABLE,
 }
-_CONDITIONS = dict.fromkeys(Conditions.__dataclass_fields__, ANY_NUMBER)
+_CONDITIONS = dict.fromkeys(
+    (name for name in Conditions.__dataclass_fields__ if name != "evidence"), ANY_NUMBER
+)
+_WINDOW = dict.fromkeys(("above", "below", "width"), ANY_NUMBER)
 _IMAGERY = dict.fromkeys((f.name for f in fields(ImageryRule)), NUMBER)
 _LADDER = ("longest_m", "shortest_m")
 _SHAPE = ("weight", "persistence", "displacement_hours")
@@ -71,6 +75,11 @@ _PRIOR = {"lower": NUMBER, "upper": NUMBER, "spread": NUMBER, "log": FLAG, "free
 def cloud_classes() -> dict[str, CloudClass]:
     """Return the four classes of Schinder et al. (2024), Table 1, by name."""
     return _built_in("classes.toml")
+
+
+def weather_classes() -> dict[str, CloudClass]:
+    """Return the classes of renders over weather, whose cover an analysis tells."""
+    return _built_in("weather_classes.toml")
 
 
 def imagery_classes(*, paper_light: bool = False) -> dict[str, CloudClass]:
@@ -123,6 +132,8 @@ def class_table(one: CloudClass) -> dict[str, Any]:
     table["conditions"] = {
         key: float(getattr(one.conditions, key)) for key in _CONDITIONS
     }
+    if one.conditions.evidence is not None:
+        table["conditions"]["evidence"] = _evidence_table(one.conditions.evidence)
     if one.imagery is not None:
         rule = {key: getattr(one.imagery, key) for key in _IMAGERY}
         table["imagery"] = {k: v for k, v in rule.items() if v is not None}
@@ -133,6 +144,20 @@ def class_table(one: CloudClass) -> dict[str, Any]:
         }
     table["textures"] = [_texture_table(texture) for texture in one.textures]
     return table
+
+
+def _evidence_table(evidence: Evidence) -> dict[str, Any]:
+    return {
+        "layer": evidence.layer,
+        **({"claims": evidence.claims} if evidence.claims else {}),
+        "windows": [
+            {
+                "quantity": window.quantity,
+                **{key: getattr(window, key) for key in _WINDOW},
+            }
+            for window in evidence.windows
+        ],
+    }
 
 
 def _texture_table(texture: ClassTexture) -> dict[str, Any]:
@@ -174,7 +199,23 @@ def _class(name: str, table: Any, where: str) -> CloudClass:
 
 
 def _conditions(table: Any, where: str) -> Conditions:
-    return _made(Conditions, checked(table, _CONDITIONS, {}, where), where)
+    given = checked(table, _CONDITIONS, {"evidence": TABLE}, where)
+    if "evidence" in given:
+        given["evidence"] = _evidence(given["evidence"], f"{where}, evidence")
+    return _made(Conditions, given, where)
+
+
+def _evidence(table: Any, where: str) -> Evidence:
+    given = checked(table, {"layer": TEXT}, {"claims": TEXT, "windows": LIST}, where)
+    windows = [
+        checked(one, {"quantity": TEXT}, _WINDOW, f"{where}, window {i}")
+        for i, one in enumerate(given.pop("windows", ()), start=1)
+    ]
+    made = tuple(
+        _made(Window, one, f"{where}, window {i}")
+        for i, one in enumerate(windows, start=1)
+    )
+    return _made(Evidence, {**given, "windows": made}, where)
 
 
 def _prior(table: Any, where: str) -> Prior:

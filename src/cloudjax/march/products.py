@@ -7,12 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from cloudjax.clouds.column_cover import VISIBLE_DEPTH
+
 from .marched_way import MarchedWay, stopped_light, top_altitude_m
 from .scene import Scene
-
-
-# Optical depth at which imagers begin to call a pixel cloudy.
-VISIBLE_DEPTH = 0.3
 
 
 class CloudProducts(eqx.Module):

@@ -20,6 +20,7 @@ from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid, Scalar
 
 from .advection import DisplacementMap
+from .evidence import Evidence
 
 
 # Narrower edges than this are indistinguishable from a step, and its square still
@@ -43,6 +44,8 @@ class Conditions(eqx.Module):
     - `vertical_wind_width_pa_s`, `temperature_width_k`: scale s of the logistic edges
       1/(1 + exp(-(x - edge)/s)), which rise from 12 % to 88 % over 4 s. Zero is the
       paper's yes or no; two classes that share an edge and a width add up to one there.
+    - `evidence`: which part of the cloud of an analysis the class is, where its own
+      covers and not these conditions decide; None leaves it to the class's altitude.
     """
 
     sampling_altitude_m: Scalar
@@ -55,6 +58,7 @@ class Conditions(eqx.Module):
     critical_relative_humidity: Scalar
     vertical_wind_width_pa_s: Scalar
     temperature_width_k: Scalar
+    evidence: Evidence | None = eqx.field(static=True, default=None)
 
     def __check_init__(self):
         if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self)):
@@ -92,6 +96,36 @@ def _sundqvist(relative_humidity, critical):
     return 1 - softened / ((1 + _ROOT_SOFTENING) ** 0.5 - _ROOT_SOFTENING**0.5)
 
 
+def suitability(
+    conditions: Conditions,
+    temperature_k: Float[AnyArray, "*points"],
+    omega_pa_s: Float[AnyArray, "*points"],
+    *,
+    omega_sign: float = -1.0,
+) -> Float[Array, "*points"]:
+    """Return how well vertical motion and temperature suit a class of cloud, 0 to 1.
+
+    **Arguments:** as of `cloud_fraction`.
+
+    **Returns:** the product of the soft indicators. Where any input is NaN it is zero.
+    """
+    fields = [jnp.asarray(field) for field in (temperature_k, omega_pa_s)]
+    missing = jnp.isnan(fields[0]) | jnp.isnan(fields[1])
+    # replaced before the arithmetic: NaN behind a `where` still reaches the gradient
+    temperature, omega = (jnp.where(missing, 0.0, field) for field in fields)
+    c = conditions
+    rising = _within(
+        omega_sign * omega,
+        c.vertical_wind_min_pa_s,
+        c.vertical_wind_max_pa_s,
+        c.vertical_wind_width_pa_s,
+    )
+    tempered = _within(
+        temperature, c.temperature_min_k, c.temperature_max_k, c.temperature_width_k
+    )
+    return jnp.where(missing, 0.0, rising * tempered)
+
+
 def cloud_fraction(
     conditions: Conditions,
     relative_humidity: Float[AnyArray, "*points"],
@@ -119,22 +153,12 @@ def cloud_fraction(
 
     **Returns:** the fraction. Where any input is NaN it is zero.
     """
-    fields = [jnp.asarray(f) for f in (relative_humidity, temperature_k, omega_pa_s)]
-    missing = jnp.isnan(fields[0]) | jnp.isnan(fields[1]) | jnp.isnan(fields[2])
-    # replaced before the arithmetic: NaN behind a `where` still reaches the gradient
-    humidity, temperature, omega = (jnp.where(missing, 0.0, f) for f in fields)
-    c = conditions
-    fraction = _sundqvist(humidity, c.critical_relative_humidity)
-    rising = _within(
-        omega_sign * omega,
-        c.vertical_wind_min_pa_s,
-        c.vertical_wind_max_pa_s,
-        c.vertical_wind_width_pa_s,
-    )
-    tempered = _within(
-        temperature, c.temperature_min_k, c.temperature_max_k, c.temperature_width_k
-    )
-    return jnp.where(missing, 0.0, fraction * rising * tempered)
+    humidity = jnp.asarray(relative_humidity)
+    missing = jnp.isnan(humidity)
+    known = jnp.where(missing, 0.0, humidity)
+    fraction = _sundqvist(known, conditions.critical_relative_humidity)
+    suits = suitability(conditions, temperature_k, omega_pa_s, omega_sign=omega_sign)
+    return jnp.where(missing, 0.0, fraction * suits)
 
 
 def fraction_to_mask(

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from cloudjax_cli import main
 from cloudjax_data import open_folder, read_weather
-from cloudjax_data.weather_fields import GROUND, OPTIONAL, REQUIRED
+from cloudjax_data.weather_fields import GROUND, REQUIRED
 from tests.commands import run, sentence_of
 from tests.mischief import busy, cut, of_files
 from tests.noaa_buckets import LEVELS_HPA, add_gfs, add_scan, goes_folder
@@ -90,7 +90,7 @@ def test_only_the_needed_messages_of_the_gfs_are_asked_for(scene, mischief, tmp_
     assert file.stat().st_size == size
     cube = read_weather(file)
     assert list(cube.data["level"]) == [1000, 850, 500, 200, 70]
-    assert set(cube.data) == {*REQUIRED, *OPTIONAL, *GROUND}
+    assert set(cube.data) == {*REQUIRED, "clwmr", *GROUND}
 
 
 def test_a_terminal_gets_a_bar(scene, mischief, tmp_path, monkeypatch):

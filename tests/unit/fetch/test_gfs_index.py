@@ -12,6 +12,7 @@ import pytest
 from cloudjax_data import gfs_index
 from cloudjax_data.gfs_index import Message, joined_ranges, needed_messages
 from cloudjax_data.weather_fields import GROUND, OPTIONAL, REQUIRED
+from cloudjax_data.weather_sky import SKY
 
 
 CYCLE = datetime(2025, 8, 1, 0, tzinfo=UTC)
@@ -66,12 +67,14 @@ def test_recorded_lines_give_the_messages_and_nothing_else():
     assert levels == {
         *it.product(every, (70.0, 850.0)),
         ("clwmr", 850.0),
+        ("icmr", 850.0),
+        *it.product({"tcc"}, (850.0, 1000.0)),
         *it.product({"t", "r", "gh"}, (1000.0,)),
     }
     ground = {(m.level_type, m.name) for m in messages} - {
-        ("isobaricInhPa", name) for name in (*every, "clwmr")
+        ("isobaricInhPa", name) for name in (*every, *OPTIONAL)
     }
-    assert ground == set(GROUND.values())
+    assert ground == {*GROUND.values(), ("tropopause", "gh")}
     assert Message("isobaricInhPa", "w", 850.0, 338979120, 340229694) in messages
     assert Message("surface", "lsm", 0.0, 497738152, 497770188) in messages
     assert Message("heightAboveGround", "2t", 2.0, 414591098, 415111060) in messages
@@ -80,10 +83,10 @@ def test_recorded_lines_give_the_messages_and_nothing_else():
 def test_neighbours_are_asked_for_together():
     ranges = joined_ranges(needed_messages(RECORDED, SIZE, CYCLE, 0))
     assert ranges[3:7] == (
-        (334588216, 337256834),
+        (334588216, 337712362),
         (338979120, 340229694),
         (341424801, 343366675),
-        (344330601, 344715176),
+        (344330601, 405672058),
     )
     assert ranges[-1] == (497738152, 497770188)
 
@@ -99,6 +102,19 @@ def test_forecasts_and_the_older_name_of_cloud_water():
     averaged = "700:507300000:d=2025080100:TMP:surface:0-3 hour ave fcst:\n"
     messages = needed_messages(index + averaged, SIZE, CYCLE, 3)
     assert messages == needed_messages(RECORDED, SIZE, CYCLE, 0)
+
+
+def test_covers_of_layers_are_asked_for():
+    """As `wgrib2` names them in the indices of 2025, at offsets of their order."""
+    lines = [
+        f"{700 + i}:{507200000 + 1000 * i}:d=2025080100:{parameter}:{level}:anl:\n"
+        for i, (parameter, level) in enumerate(field.index for field in SKY.values())
+        if (parameter, level) != ("HGT", "tropopause")
+    ]
+    messages = needed_messages(RECORDED + "".join(lines), SIZE, CYCLE, 0)
+    found = {(m.level_type, m.name) for m in messages}
+    assert {field.kinds[0] for field in SKY.values()} <= found
+    assert ("lowCloudLayer", "lcc") in found
 
 
 def test_winds_that_share_a_message():

@@ -9,6 +9,7 @@ from cloudjax_scenes import LIGHTS, SceneFromImagery, simulate_image
 from cloudjax_scenes.cloud_rule import CloudRule
 from cloudjax_scenes.sensor_image import render_sensor
 from cloudjax_scenes.sensors import Sensor
+from cloudjax_scenes.weather_decision import Table1
 from cloudjax_scenes.weather_scene import World
 from tests.generated import SCAN_START, window
 from tests.scenes import write_weather
@@ -40,7 +41,7 @@ def series(tmp_path_factory):
 def test_a_full_slab_over_weather_is_as_deep_too(series, light):
     """Tolerance: 4 %."""
     known = {"low": full_slab(DEPTH)}
-    world = World(series, known, steps=44, light=light, air=False)
+    world = World(series, known, Table1(), steps=44, light=light, air=False)
     band = nominal_bands()[2]
     sensor = Sensor("test", "ABI", window((6, 6)), {2: band})
     image = render_sensor(world, sensor, [band], SCAN_START)

@@ -244,7 +244,7 @@ def test_later_weather_must_reach_as_high_as_the_first(tmp_path):
         tmp_path / "low.grib", GLOBE, SCAN_START + timedelta(hours=3), (1000, 850, 700)
     )
     with pytest.raises(DataError, match=r"low\.grib has nothing at 6000 m"):
-        open_world([first, later])
+        open_world([first, later], decision="table1")
 
 
 # -- scene folders

@@ -21,6 +21,7 @@ from cloudjax_data import (
     sun_direction,
 )
 from cloudjax_scenes.surface import SEA
+from cloudjax_scenes.weather_decision import Table1
 from cloudjax_scenes.weather_scene import World
 from tests.generated_grib import write_grib
 
@@ -57,12 +58,12 @@ def west_wind(speed_m_s: float = 40.0):
 
 
 def test_uniform_weather_has_uniform_masks(tmp_path):
-    made = world(analysis(tmp_path))
+    made = world(analysis(tmp_path), classes=cloud_classes(), decision=Table1())
     clouds = [layer.cloud for layer in made.scene([BANDS[2]], TIME).layers]
     masks = [cloud.mask for cloud in clouds if isinstance(cloud, FractalCloud)]
     φ, λ = np.array([-70.0, -3.0, 0.0, 45.0]), np.array([179.9, -180.0, 0.3, 77.0])
     for one, mask in zip(made.classes.values(), masks, strict=True):
-        fraction = made.fractions(one.conditions, TIME)
+        fraction = made.fractions(TIME)[one.name]
         assert np.ptp(fraction) < 1e-6
         assert mask is not None
         from_above = mask(φ, λ)
@@ -73,9 +74,9 @@ def test_uniform_weather_has_uniform_masks(tmp_path):
 def test_masks_follow_the_sign_of_the_vertical_wind(tmp_path):
     # Pa/s: air that rises loses pressure.
     cube = analysis(tmp_path, w=-0.5)
-    cumulus = cloud_classes()["low_cumulus"].conditions
+    given = {"classes": cloud_classes(), "decision": Table1()}
     up_ward, down_ward = (
-        world(cube, omega_sign=sign).fractions(cumulus, TIME).mean()
+        world(cube, omega_sign=sign, **given).fractions(TIME)["low_cumulus"].mean()
         for sign in (-1.0, 1.0)
     )
     assert up_ward > 0.2
@@ -87,8 +88,13 @@ def test_a_mask_is_drawn_from_where_the_air_came(tmp_path):
     east = np.radians(LONGITUDE)[None, :]
     moist = analysis(tmp_path, r=60 + 20 * np.cos(east), **west_wind())
     classes = cloud_classes()
-    still = world(moist, classes={"a": classes["low_stratus"]})
-    drawn = world(moist, classes={"a": _masks_move(classes["low_stratus"], 10.0)})
+    still, drawn = (
+        world(moist, classes={"a": one}, decision=Table1())
+        for one in (
+            classes["low_stratus"],
+            _masks_move(classes["low_stratus"], 10.0),
+        )
+    )
     altitude = float(classes["low_stratus"].conditions.sampling_altitude_m)
     moved_deg = np.degrees(40.0 * 36000 / (6371e3 + altitude))
     φ, λ = np.array([-60.0, 0.0, 15.0, 60.0]), np.array([-170.0, 5.0, 90.0, 179.0])
