@@ -203,6 +203,7 @@ class World:
                 wind_at(self.series, altitude, time),
                 hours=hours,
                 resolution_deg=MAP_STEP_DEG,
+                steps=_map_steps(hours),
             )
             for altitude, hours in self._drawn()
         }
@@ -290,6 +291,11 @@ def open_world(
     for cube, one in it.product(series.cubes, known.values()):
         check_altitude(cube, float(one.conditions.sampling_altitude_m))
     return World(series, known, decision, **settings)
+
+
+def _map_steps(hours: float) -> int:
+    """Of some half an hour; of few different numbers, for each is compiled anew."""
+    return next((n for n in (10, 20) if hours <= 0.6 * n), 40)
 
 
 def _axes(data) -> tuple[np.ndarray, np.ndarray]:

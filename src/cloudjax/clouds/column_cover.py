@@ -82,15 +82,16 @@ class ColumnCover:
         level = np.interp(probit, rising, levels)
         return ColumnCover(probit, (one.threshold - level) / one.mask_gain, greatest)
 
-    def mask_of(self, cover: Float[AnyArray, "*n"]) -> Float[Array, "*n"]:
+    def mask_of(self, cover: Float[AnyArray, "*n"]) -> Float[AnyArray, "*n"]:
         """Return the mask under which the class covers so much; NaN counts as clear.
 
-        It is monotone and differentiable. Beyond the table it is linear in the probit,
-        as a Gaussian has it.
+        It is monotone and differentiable; numpy in, numpy out. Beyond the table it is
+        linear in the probit, as a Gaussian has it.
         """
-        cover = jnp.nan_to_num(jnp.asarray(cover, float))
-        part = jnp.clip(cover / self.greatest, 0.0, 1.0)
-        probit = jax.scipy.special.ndtri(_CLEAR + (1 - 2 * _CLEAR) * part)
+        xp = np if isinstance(cover, np.ndarray) else jnp
+        part = xp.clip(xp.nan_to_num(cover) / self.greatest, 0.0, 1.0)
+        inverse = ndtri if xp is np else jax.scipy.special.ndtri
+        probit = inverse(_CLEAR + (1 - 2 * _CLEAR) * part)
         return _line(probit, self.probit, self.mask)
 
     def cover_of(self, mask: Float[AnyArray, "*n"]) -> Float[Array, "*n"]:
@@ -102,13 +103,14 @@ class ColumnCover:
 
 def _line(x, nodes, values):
     """Linear between nodes, and on from the outermost two of some distance."""
-    inner = jnp.interp(x, nodes, values)
+    xp = np if all(isinstance(a, np.ndarray) for a in (x, nodes, values)) else jnp
+    inner = xp.interp(x, nodes, values)
     few = len(nodes) // 8
-    low = (values[few] - values[0]) / jnp.maximum(nodes[few] - nodes[0], 1e-9)
-    wide = jnp.maximum(nodes[-1] - nodes[-1 - few], 1e-9)
+    low = (values[few] - values[0]) / xp.maximum(nodes[few] - nodes[0], 1e-9)
+    wide = xp.maximum(nodes[-1] - nodes[-1 - few], 1e-9)
     high = (values[-1] - values[-1 - few]) / wide
-    below = jnp.minimum(x - nodes[0], 0.0)
-    return inner + low * below + high * jnp.maximum(x - nodes[-1], 0.0)
+    below = xp.minimum(x - nodes[0], 0.0)
+    return inner + low * below + high * xp.maximum(x - nodes[-1], 0.0)
 
 
 def _seen(depth):

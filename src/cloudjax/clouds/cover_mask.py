@@ -66,7 +66,8 @@ class CoverMask(AbstractMask):
         Outside a regional grid, and between the outermost row and the pole, the cover
         of the edge is held.
         """
-        column = ColumnCover(self.probit, self.values, self.greatest)
         cover = self.grid.sample(self.cover[..., None], latitude_deg, longitude_deg)
-        mask = column.mask_of(cover[..., 0])
-        return np.asarray(mask) if isinstance(cover, np.ndarray) else mask
+        table = self.probit, self.values, self.greatest
+        if isinstance(cover, np.ndarray):
+            table = tuple(np.asarray(part, float) for part in table)
+        return ColumnCover(*table).mask_of(cover[..., 0])

@@ -11,11 +11,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
 from cloudjax.geometry.footprint import kinds
 from cloudjax.geometry.rays import Rays, Sensor, lines_of_sight
+from cloudjax.march.marched_way import shares_of_ways
 from cloudjax.march.products import CloudProducts
 from cloudjax.march.radiances import cloud_share, see, see_clear
 from cloudjax.march.scene import BandRadiances, Scene
@@ -176,19 +178,22 @@ def _tiles_of(view: View, size: int) -> Iterator[Tile]:
 
 def _likely_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[Tile]:
     """Sample the rays that can meet cloud, and only those."""
-    likely = _shares(scene, batch) > 0
+    share, kind = _shares(scene, batch)
+    likely = share > 0
     for some, filled in tiles(np.flatnonzero(~likely), size):
         yield Tile(batch.index[some], _pick(_around(batch.ways), filled))
-    for some, filled in tiles(np.flatnonzero(likely), size):
+    # Rays that meet the same layers together: what no ray of a tile meets is skipped.
+    order = np.argsort(kind, kind="stable")
+    for some, filled in tiles(order[likely[order]], size):
         ways = _pick(batch.ways, filled)
         yield Tile(batch.index[some], sample(scene, ways, batch.textures))
 
 
 def _sampled_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[Tile]:
     """Sample all rays, for scenes whose clouds may be anywhere."""
-    # Those alike together, so that whole tiles are clear.
-    order = np.argsort(-_shares(scene, batch), kind="stable")
-    for some, filled in tiles(order, size):
+    # Those alike together, so that whole tiles are clear of a layer or of all.
+    share, kind = _shares(scene, batch)
+    for some, filled in tiles(np.lexsort((kind, -share)), size):
         part = _pick(batch.ways, filled)
         if isinstance(part, Ways):
             part = sample(scene, part, batch.textures)
@@ -199,12 +204,17 @@ def _around(ways: Ways | Surroundings) -> Surroundings:
     return ways.around if isinstance(ways, Ways) else ways
 
 
-def _shares(scene: Scene, batch: _Batch) -> Float[np.ndarray, " rays"]:
-    """How much of each ray's cloud counts; 0 where it is clear."""
+def _shares(
+    scene: Scene, batch: _Batch
+) -> tuple[Float[np.ndarray, " rays"], Int[np.ndarray, " rays"]]:
+    """How much of each ray's cloud counts, 0 where it is clear, and a number for the
+    ways on which some does.
+    """
     count = len(batch.index)
     if isinstance(batch.ways, Surroundings) or not batch.ways.of_sources:
-        return np.zeros(count)
-    return np.asarray(_share(scene, batch.ways))[:count]
+        return np.zeros(count), np.zeros(count, int)
+    whole, each_way = (np.asarray(x)[..., :count] for x in _share(scene, batch.ways))
+    return whole, np.tensordot(2 ** np.arange(len(each_way)), each_way > 0, axes=1)
 
 
 def _march(scene: Scene, jobs, count: int, with_products: bool, on_tile=None) -> Image:
@@ -250,7 +260,8 @@ def _seen(scene: Scene, view: View | Surroundings, *, with_products: bool):
 
 @jax.jit
 def _share(scene: Scene, ways: Ways):
-    return cloud_share(scene, ways.of_sources, ways.layer_of)
+    layers = ways.of_sources, ways.layer_of
+    return cloud_share(scene, *layers), jnp.stack(shares_of_ways(scene, *layers))
 
 
 _pick = jax.jit(lambda whole, index: jax.tree.map(lambda x: x[index], whole))

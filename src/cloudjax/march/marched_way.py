@@ -1,26 +1,39 @@
 """The layers of a scene, each marched along its own ways."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from cloudjax.clouds.source import Occupancy
 from cloudjax.geometry.path import Path
 
+from .alike import nothing_like, where_met
 from .march import March, march
 from .order import AbstractPlace, Stretch, overlap, place
 from .scene import Layer, Scene
 from .view import View
 
 
+# Where a layer's cloud is less likely there is none. Masks leave clear air a chance of
+# 1e-4 (`fraction_to_mask`); the cover of a layer is wrong by this at most.
+LEAST_LIKELIHOOD = 1e-3
+
+
 class MarchedWay(eqx.Module):
     """A way, marched.
 
-    **Fields:** `places`: where its steps lie on each of the other ways.
+    **Fields:**
+
+    - `met`: whether cloud is likely on any ray.
+    - `places`: where its steps lie on each of the other ways.
     """
 
     layer: Layer
+    met: Bool[Array, ""]
     path: Path
     distance_m: Float[Array, "rays steps"]
     air_k: Float[Array, "rays steps"] | None
@@ -49,6 +62,7 @@ class MarchedWay(eqx.Module):
 
 def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
     """March every way of a view, and find where each lies on the others."""
+    shares = shares_of_ways(scene, view.samples, view.layer_of)
     layers = [scene.layers[i] for i in view.layer_of]
     paths = [samples.path for samples in view.samples]
     distances = [
@@ -78,16 +92,49 @@ def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
     return [
         MarchedWay(
             layer,
+            (shares[i] > 0).any(),
             path,
             distances[i],
             None if view.air_k is None else view.air_k[i].in_steps(layer.steps),
-            march(layer.cloud.occupancy(samples, layer.steps), path.length_m),
+            march(_occupancy(layer, samples, shares[i]), path.length_m),
             tuple(places(i)),
         )
         for i, (layer, samples, path) in enumerate(
             zip(layers, view.samples, paths, strict=True)
         )
     ]
+
+
+def shares_of_ways(
+    scene: Scene, samples: Sequence[Any], layer_of: Sequence[int]
+) -> list[Float[Array, " rays"]]:
+    """Tell where each way has cloud: 1 where that is likely, 0 where it is not.
+
+    It rises smoothly in between, so that radiances have no jumps.
+
+    **Arguments:** `samples`: of each way, or the ways themselves.
+    """
+    chances = [
+        scene.layers[i].cloud.likelihood(some)
+        for i, some in zip(layer_of, samples, strict=True)
+    ]
+    parts = [jnp.clip(2 * chance / LEAST_LIKELIHOOD - 1, 0, 1) for chance in chances]
+    return [x * x * (3 - 2 * x) for x in parts]
+
+
+def _occupancy(layer: Layer, samples: Any, share: Float[Array, " rays"]) -> Occupancy:
+    """The cloud of a way, none where it has no share."""
+
+    def found(some) -> Occupancy:
+        occupancy = layer.cloud.occupancy(some, layer.steps)
+        faded = occupancy.fraction * share[None, :, None]
+        return replace(occupancy, fraction=faded)
+
+    # Weights of nothing add up to one as well.
+    none = nothing_like(found, samples)
+    weights = jnp.full_like(none.weights, 1 / none.weights.shape[0])
+    missed = replace(none, weights=weights)
+    return where_met((share > 0).any(), found, missed, samples)
 
 
 def stopped_light(ways: Sequence[MarchedWay]) -> list[Float[Array, "rays steps"]]:

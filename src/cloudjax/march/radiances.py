@@ -9,17 +9,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .background import background
-from .marched_way import MarchedWay, march_layers, top_altitude_m
+from .marched_way import (
+    MarchedWay,
+    march_layers,
+    shares_of_ways,
+    top_altitude_m,
+)
 from .products import CloudProducts, no_cloud, products_of
 from .scene import BandRadiances, Scene
 from .sunlight import reflected
 from .thermal import emitted
 from .view import Surroundings, View
-
-
-# Rays on which cloud is less likely are clear. Masks leave clear air a chance of 1e-4
-# (`fraction_to_mask`); cover is wrong by this at most.
-LEAST_LIKELIHOOD = 1e-3
 
 
 @jax.jit
@@ -28,8 +28,9 @@ def radiances(scene: Scene, view: View) -> BandRadiances:
 
     A pure function: `jax.jit`, `grad`, `jacfwd`, `jacrev` and `hessian` by the arrays
     of the scene, and `vmap` over scenes of one structure or over the rays of the view
-    work on it. Rays on which cloud is less likely than half of `LEAST_LIKELIHOOD` see
-    the clear sky, and up to that itself cloud fades in.
+    work on it. Rays on which cloud is less likely than half of
+    `marched_way.LEAST_LIKELIHOOD` see the clear sky, and up to that itself cloud fades
+    in, layer by layer.
 
     **Returns:** radiances in the units of the bands, [bands rays]; of a view of one ray
     [bands].
@@ -86,22 +87,14 @@ def see_clear(
 def cloud_share(
     scene: Scene, samples: Sequence[Any], layer_of: Sequence[int]
 ) -> Float[Array, " rays"]:
-    """Tell the rays that need be marched: 1 where cloud is likely, 0 where it is not.
-
-    It rises smoothly in between, so that radiances have no jumps.
+    """Tell the rays that need be marched: 1 where any cloud is likely, 0 where none is.
 
     **Arguments:** `samples`: of each way, or the ways themselves.
     """
-    chances = [
-        scene.layers[i].cloud.likelihood(some)
-        for i, some in zip(layer_of, samples, strict=True)
-    ]
-    chance = ft.reduce(jnp.maximum, chances)
-    if scene.shadows is not None:
-        # Where no cloud is, the shadow of another may be.
-        return jnp.ones_like(chance)
-    x = jnp.clip(2 * chance / LEAST_LIKELIHOOD - 1, 0, 1)
-    return x * x * (3 - 2 * x)
+    shares = shares_of_ways(scene, samples, layer_of)
+    share = ft.reduce(jnp.maximum, shares)
+    # Where no cloud is, the shadow of another may be.
+    return share if scene.shadows is None else jnp.ones_like(share)
 
 
 def _mixed(share, some, none):
@@ -125,7 +118,7 @@ def _cloudy(scene: Scene, view: View, ways: Sequence[MarchedWay]) -> BandRadianc
         seen = _under_air(source, passed, behind.reflectance, path, bands.gain)
         reflective = bands.radiance(seen)
     if scene.emissive is not None and behind.radiance is not None:
-        source, passed = emitted(scene, ways, column, behind.radiance)
+        source, passed = emitted(scene, ways, column)
         bands, clear = scene.emissive, behind.radiance
         emissive = _under_air(source, passed, clear, bands.path[:, None], bands.gain)
     return BandRadiances(reflective, emissive)

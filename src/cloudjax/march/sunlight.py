@@ -7,8 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cloudjax.light.reflectance import above_horizon
-from cloudjax.light.reflection import Illumination
+from cloudjax.light.reflection import AbstractReflection, Illumination, Returned
 
+from .alike import each_met
 from .march import first_surface
 from .marched_way import MarchedWay
 from .scene import Scene
@@ -23,17 +24,8 @@ def reflected(scene: Scene, ways: Sequence[MarchedWay], view: View, background):
     is behind a layer, of reflectance A, is lit by what the layer sends back too, and
     seen through it as t A/(1 - A R) (Liou 2002, eq. 6.3.31), R the layer's own.
     """
-    # All bands in one, or the strategy would be compiled anew for each.
-    each_band = jax.vmap(scene.reflection, in_axes=(0, 0, None))
     lights = [_illumination(way, view.around.sun_direction) for way in ways]
-    returned = [
-        each_band(
-            way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
-            way.layer.scatterers,
-            light,
-        )
-        for way, light in zip(ways, lights, strict=True)
-    ]
+    returned = _returned(scene.reflection, ways, lights)
     dimmed, ground = _shaded(scene, view, ways)
     background = ground * background
     sent = [
@@ -58,6 +50,31 @@ def reflected(scene: Scene, ways: Sequence[MarchedWay], view: View, background):
                 own = own * (1 - share[None] * (1 - through))
         source, transmittance = source + own, transmittance * left
     return source, ground * transmittance
+
+
+def _returned(
+    reflection: AbstractReflection,
+    ways: Sequence[MarchedWay],
+    lights: Sequence[Illumination],
+) -> list[Returned]:
+    """What becomes of sunlight in each way's cloud, [bands nodes rays]."""
+    # All bands in one, or the strategy would be compiled anew for each.
+    each_band = jax.vmap(reflection, in_axes=(0, 0, None))
+    slabs = [
+        (
+            way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
+            way.layer.scatterers,
+            light,
+        )
+        for way, light in zip(ways, lights, strict=True)
+    ]
+
+    def missed(slab) -> Returned:
+        none = jnp.zeros_like(slab[0])
+        return Returned(none, jnp.ones_like(none), none)
+
+    met = [way.met for way in ways]
+    return each_met(met, lambda slab: each_band(*slab), missed, slabs)
 
 
 def _shaded(scene: Scene, view: View, ways: Sequence[MarchedWay]):

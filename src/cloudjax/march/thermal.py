@@ -5,11 +5,13 @@ from typing import cast
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from cloudjax.air.clear_air import Column
 from cloudjax.light.bands import EmissiveBands
 from cloudjax.light.emission import Factors
 
+from .alike import each_met
 from .marched_way import MarchedWay, top_altitude_m
 from .scene import Scene
 
@@ -38,51 +40,66 @@ def _black_bodies(scene: Scene, ways: Sequence[MarchedWay], column: Column | Non
     return black, None
 
 
-def emitted(scene: Scene, ways: Sequence[MarchedWay], column, background):
+def emitted(scene: Scene, ways: Sequence[MarchedWay], column: Column | None):
     """Find the emitted radiance of all cloud and its transmittance, [bands rays].
 
     Emission is integrated along the ray at the temperature of each step's altitude,
     with what scattering changes where the scene asks for it.
     """
     planck, air = _black_bodies(scene, ways, column)
-    factors = [_scattering(scene, way) for way in ways]
-    source, transmittance = [], []
-    for band in range(background.shape[0]):
+    factors = _scattering(scene, ways)
+    absorptions = [way.layer.absorptions_per_m for way in ways]
+
+    def one(band):
+        per_m, factors, planck, air = band
         shares = [
-            _thermal_shares(way, band, changed)
-            for way, changed in zip(ways, factors, strict=True)
+            _thermal_shares(way, κ, changed)
+            for way, κ, changed in zip(ways, per_m, factors, strict=True)
         ]
         profiles = [profile for _, profile in shares]
-        total = emitting = jnp.zeros_like(background[band])
-        through = jnp.ones_like(background[band])
+        total = emitting = jnp.zeros_like(profiles[0][:, 0])
+        through = jnp.ones_like(total)
         for way, black, (seen, profile) in zip(ways, planck, shares, strict=True):
             unhidden = seen * way.unhidden(profiles)
-            total = total + jnp.sum(unhidden * black[band], axis=-1)
+            total = total + jnp.sum(unhidden * black, axis=-1)
             emitting = emitting + unhidden.sum(-1)
             through = through * profile[:, -1]
         if air is not None:
             # The air above is seen before what scatters as before what emits.
-            total = total + jnp.maximum(1 - through - emitting, 0) * air[band]
-        source.append(total)
-        transmittance.append(through)
-    return jnp.stack(source), jnp.stack(transmittance)
+            total = total + jnp.maximum(1 - through - emitting, 0) * air
+        return total, through
+
+    # One after the other: what a band needs fits the cache, and is compiled once.
+    return jax.lax.map(one, (absorptions, factors, planck, air))
 
 
-def _scattering(scene: Scene, way: MarchedWay) -> Factors | None:
-    """What scattering changes, [bands nodes rays]; None for pure absorbers."""
+def _scattering(scene: Scene, ways: Sequence[MarchedWay]) -> list[Factors | None]:
+    """What scattering changes in each way, [bands nodes rays]; None for absorbers."""
     if scene.emission is None:
-        return None
-    depth = way.layer.absorptions_per_m[:, None, None] * way.passed.depth_m[None]
+        return [None] * len(ways)
     each_band = jax.vmap(scene.emission, in_axes=(0, 0, None))
-    return each_band(depth, way.layer.emitters, way.view_height)
+    slabs = [
+        (
+            way.layer.absorptions_per_m[:, None, None] * way.passed.depth_m[None],
+            way.layer.emitters,
+            way.view_height,
+        )
+        for way in ways
+    ]
+
+    def missed(slab) -> Factors:
+        return Factors(jnp.ones_like(slab[0]), jnp.ones_like(slab[0]))
+
+    met = [way.met for way in ways]
+    return [*each_met(met, lambda slab: each_band(*slab), missed, slabs)]
 
 
-def _thermal_shares(way: MarchedWay, band: int, factors: Factors | None):
+def _thermal_shares(
+    way: MarchedWay, absorption_per_m: Float[Array, ""], factors: Factors | None
+):
     """Of Planck's radiance of each step, and the transmittance to the steps' ends."""
-    κ = way.layer.absorptions_per_m[band]
-    absorbed = way.passed.absorbed(κ)
+    absorbed = way.passed.absorbed(absorption_per_m)
     if factors is None:
-        return way.passed.mean(absorbed), way.passed.transmittance(κ)
-    emitted, stopped = factors.emitted[band], factors.stopped[band]
-    seen = way.passed.mean(absorbed * emitted[..., None])
-    return seen, way.passed.transmittance(κ, stopped)
+        return way.passed.mean(absorbed), way.passed.transmittance(absorption_per_m)
+    seen = way.passed.mean(absorbed * factors.emitted[..., None])
+    return seen, way.passed.transmittance(absorption_per_m, factors.stopped)
