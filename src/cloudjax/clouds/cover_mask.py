@@ -67,7 +67,8 @@ class CoverMask(AbstractMask):
         of the edge is held.
         """
         cover = self.grid.sample(self.cover[..., None], latitude_deg, longitude_deg)
-        table = self.probit, self.values, self.greatest
+        column = ColumnCover(self.probit, self.values, self.greatest)
         if isinstance(cover, np.ndarray):
-            table = tuple(np.asarray(part, float) for part in table)
-        return ColumnCover(*table).mask_of(cover[..., 0])
+            tables = (np.asarray(part, float) for part in (self.probit, self.values))
+            column = ColumnCover(*tables, float(self.greatest))
+        return column.mask_of(cover[..., 0])

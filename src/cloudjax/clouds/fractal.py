@@ -136,13 +136,11 @@ class FractalCloud(AbstractCloudSource):
         points = self.points(sampling)
         read = [i for i, count in enumerate(points) if count]
         per_m, shifts = (part[read].astype(float) for part in self.frames)
-        entry, change = _in_noise(rays, chord, per_m, shifts, sampling.knots)
-        places = ()
+        laid = _laid(rays, chord, per_m, shifts, sampling.knots)
+        entry, change, upward, altitude, places = laid
+        mask = np.zeros(altitude.shape)
         if self.mask is not None:
-            places = _places(rays, chord, sampling.knots)
-        masks = [np.asarray(self.mask(*place)) for place in places if self.mask]
-        none = [np.zeros(len(rays))] * sampling.knots
-        mask = Profile(device_array(np.stack(masks or none, axis=-1)), ends=True)
+            mask = np.stack([self.mask(*place) for place in places], axis=-1)
         held = None
         if sampling.held_finest_m is not None:
             finest = replace(sampling, finest_m=sampling.held_finest_m)
@@ -151,7 +149,7 @@ class FractalCloud(AbstractCloudSource):
         path = navigate(rays, chord)
         way = FractalPath(
             path=path,
-            mask=mask.with_knots(sampling.held_knots),
+            mask=Profile(device_array(mask), ends=True).with_knots(sampling.held_knots),
             width_m=device_array(width),
             stretch=stretch_of(path.middle_slant),
             entry=device_array(entry),
@@ -164,13 +162,17 @@ class FractalCloud(AbstractCloudSource):
         maps = self.displacements
         if maps is None or all(m is None for m in maps):
             return way
-        upward, altitude = (
-            device_array(x) for x in _verticals(rays, chord, sampling.knots)
-        )
-        drawn = {id(m): _drawn(m, upward, altitude) for m in maps}
+        upward, altitude = device_array(upward), device_array(altitude)
+        drawn = {id(m): _drawn(m, upward, altitude, sampling.strains) for m in maps}
         drifts, strains = zip(*(drawn[id(m)] for m in maps), strict=True)
         ladders = tuple(self.rungs[i].ladder for i in read)
-        return _drifted(way, drifts, strains, device_array(per_m), ladders)
+        return _drifted(
+            way,
+            drifts,
+            strains if sampling.strains else None,
+            device_array(per_m),
+            ladders,
+        )
 
     def _placed(self, rays: Rays, chord: Chords) -> Placed | None:
         """Coarse fields vary little along a way: its middle tells them."""
@@ -300,25 +302,19 @@ def _where(counts: list[int], count: int) -> tuple[int, ...]:
 
 
 @compiled_for_many("knots")
-def _in_noise(rays: Rays, chord: Chords, per_m, shifts, knots: int):
-    """Positions of the entry in the noise [periods], and from it to further knots."""
+def _laid(rays: Rays, chord: Chords, per_m, shifts, knots: int):
+    """Positions of the entry in the noise [periods], and from it to further knots [m];
+    verticals and altitudes of the knots, and their latitudes and longitudes [degrees].
+    """
     xp = namespace(rays.direction)
     first, *further = points_along(rays, chord, knots)
     entry = xp.einsum("oab,rb->roa", per_m, first) + shifts[None]
     change = xp.stack([point - first for point in further], axis=-1)
-    return entry - xp.floor(entry), change
-
-
-@compiled_for_many("knots")
-def _places(rays: Rays, chord: Chords, knots: int):
-    """Latitude and longitude [degrees] of the knots."""
-    return [geodetic(point)[:2] for point in points_along(rays, chord, knots)]
-
-
-@compiled_for_many("knots")
-def _verticals(rays: Rays, chord: Chords, knots: int):
-    points = points_along(rays, chord, knots)
-    return vertical(namespace(rays.direction).stack(points, axis=-2))
+    upward, altitude = vertical(xp.stack([first, *further], axis=-2))
+    x, y, z = xp.moveaxis(upward, (-1, -2), (0, 1))
+    angles = xp.arctan2(z, xp.sqrt(x * x + y * y)), xp.arctan2(y, x)
+    places = xp.degrees(xp.stack(angles, axis=1))
+    return entry - xp.floor(entry), change, upward, altitude, places
 
 
 @eqx.filter_jit
@@ -326,23 +322,25 @@ def _drawn(
     displacement: DisplacementMap | None,
     vertical: Float[Array, "rays knots 3"],
     altitude_m: Float[Array, "rays knots"],
-) -> tuple[Float[Array, "rays knots 3"], Float[Array, "rays 3 3"]]:
+    strains: bool,
+) -> tuple[Float[Array, "rays knots 3"], Float[Array, "rays 3 3"] | None]:
     """How far the air of the knots has come, and its strain; still air without a map.
 
     Compiled once for all maps: with those of a cloud in one function each cloud takes
     ten seconds.
     """
     if displacement is None:
-        return 0 * vertical, jnp.broadcast_to(jnp.eye(3), (len(vertical), 3, 3))
+        calm = jnp.broadcast_to(jnp.eye(3), (len(vertical), 3, 3))
+        return 0 * vertical, calm if strains else None
     moved = drift_m(vertical, altitude_m, displacement)
-    return moved, strain(vertical[:, 0], displacement)
+    return moved, strain(vertical[:, 0], displacement) if strains else None
 
 
 @ft.partial(jax.jit, static_argnames="ladder_of")
 def _drifted(
     way: FractalPath,
     drifts: tuple[Float[Array, "rays knots 3"], ...],
-    strains: tuple[Float[Array, "rays 3 3"], ...],
+    strains: tuple[Float[Array, "rays 3 3"], ...] | None,
     frames: Float[Array, "read 3 3"],
     ladder_of: tuple[int, ...],
 ) -> FractalPath:
@@ -358,5 +356,5 @@ def _drifted(
         way,
         entry=entry - jnp.floor(entry),
         change_m=way.change_m + jnp.moveaxis(further, 2, 3),
-        strain=jnp.stack(strains, axis=1),
+        strain=None if strains is None else jnp.stack(strains, axis=1),
     )

@@ -84,6 +84,8 @@ class Sampling:
     - `held_knots`: at which masks are held.
     - `held_finest_m`: the least width of a pixel of all groups that are held alike, at
       every step of the march; None where a group is held alone.
+    - `strains`: whether it is asked how the wind has strained the air, as slopes and
+      shadows ask.
     """
 
     finest_m: float
@@ -91,6 +93,7 @@ class Sampling:
     knots: int = 2
     held_knots: int = 2
     held_finest_m: float | None = None
+    strains: bool = True
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,12 @@ class Factors(eqx.Module):
     emitted: Float[Array, "nodes rays"]
     stopped: Float[Array, "nodes rays"]
 
+    @staticmethod
+    def of_absorber(absorption_depth: Float[Array, "nodes rays"]) -> "Factors":
+        """Say it for cloud that does not scatter, in the shape of some depths."""
+        one = jnp.ones_like(absorption_depth)
+        return Factors(one, one)
+
 
 class EmittingSlabs(eqx.Module):
     """Each pixel's cloud is a plane-parallel slab that scatters what it emits.

@@ -63,6 +63,12 @@ class Returned(eqx.Module):
     transmittance: Float[Array, "nodes rays"]
     back: Float[Array, "nodes rays"]
 
+    @staticmethod
+    def by_none(optical_depth: Float[Array, "nodes rays"]) -> "Returned":
+        """Say it for clear air, in the shape of some optical depths."""
+        none = jnp.zeros_like(optical_depth)
+        return Returned(none, jnp.ones_like(none), none)
+
 
 class AbstractReflection(eqx.Module):
     """A strategy of reflection says how sunlight comes back from a cloud.

@@ -69,12 +69,13 @@ def _returned(
         for way, light in zip(ways, lights, strict=True)
     ]
 
-    def missed(slab) -> Returned:
-        none = jnp.zeros_like(slab[0])
-        return Returned(none, jnp.ones_like(none), none)
-
     met = [way.met for way in ways]
-    return each_met(met, lambda slab: each_band(*slab), missed, slabs)
+    return each_met(
+        met,
+        lambda slab: each_band(*slab),
+        lambda slab: jax.vmap(Returned.by_none)(slab[0]),
+        slabs,
+    )
 
 
 def _shaded(scene: Scene, view: View, ways: Sequence[MarchedWay]):

@@ -87,11 +87,14 @@ def _scattering(scene: Scene, ways: Sequence[MarchedWay]) -> list[Factors | None
         for way in ways
     ]
 
-    def missed(slab) -> Factors:
-        return Factors(jnp.ones_like(slab[0]), jnp.ones_like(slab[0]))
-
     met = [way.met for way in ways]
-    return [*each_met(met, lambda slab: each_band(*slab), missed, slabs)]
+    found = each_met(
+        met,
+        lambda slab: each_band(*slab),
+        lambda slab: jax.vmap(Factors.of_absorber)(slab[0]),
+        slabs,
+    )
+    return [*found]
 
 
 def _thermal_shares(

@@ -207,6 +207,8 @@ def lay(
     **Arguments:** `twice`: follow rays that graze the Earth into a shell a second time.
     """
     ways, entries, layer_of, air = [], [], [], []
+    asked = scene.shadows is not None or _sees_slopes(scene)
+    sampling = replace(sampling, strains=asked)
     for i, layer in enumerate(scene.layers):
         for chord in find_chords(rays, layer.cloud.shell)[: 1 + twice]:
             ways.append(layer.cloud.navigate(rays, chord, sampling))
@@ -244,6 +246,10 @@ def look_around(
     return Surroundings(ground, column, device_array(sun))
 
 
+def _sees_slopes(scene: Scene) -> bool:
+    return scene.reflective is not None and scene.reflection.sees_slopes
+
+
 def make_textures(scene: Scene) -> tuple:
     """Make what the clouds of each layer are read from."""
     return tuple(layer.cloud.make_textures() for layer in scene.layers)
@@ -255,7 +261,7 @@ def sample(scene: Scene, ways: Ways, textures: tuple) -> View:
 
     **Arguments:** `textures`: of each layer.
     """
-    slopes = scene.reflective is not None and scene.reflection.sees_slopes
+    slopes = _sees_slopes(scene)
     layers = [scene.layers[i] for i in ways.layer_of]
     samples = tuple(
         layer.cloud.sample(way, textures[i], steps=layer.steps, slopes=slopes)
