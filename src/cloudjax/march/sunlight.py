@@ -29,7 +29,7 @@ def reflected(scene: Scene, ways: Sequence[MarchedWay], view: View, background):
     returned = [
         each_band(
             way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
-            way.layer.scatterers,
+            way.layer.optics.scatterers,
             light,
         )
         for way, light in zip(ways, lights, strict=True)

@@ -74,7 +74,7 @@ def _scattering(scene: Scene, way: MarchedWay) -> Factors | None:
         return None
     depth = way.layer.absorptions_per_m[:, None, None] * way.passed.depth_m[None]
     each_band = jax.vmap(scene.emission, in_axes=(0, 0, None))
-    return each_band(depth, way.layer.emitters, way.view_height)
+    return each_band(depth, way.layer.optics.emitters, way.view_height)
 
 
 def _thermal_shares(way: MarchedWay, band: int, factors: Factors | None):
