@@ -257,12 +257,10 @@ class CloudClass:
         """The prior where neither the class nor a file gives one."""
         if key == "effective_radius_um":
             usual = RADII[self.particles]
+            if usual.lower < value < usual.upper:
+                return usual
             # A radius of the class's own choice is never out of its bounds.
-            return replace(
-                usual,
-                lower=min(usual.lower, value / 2),
-                upper=max(usual.upper, value * 2),
-            )
+            return replace(usual, lower=value / 2, upper=value * 2)
         return USUAL.get(key) or self._within_shell(value)
 
     def with_values(self, values: Mapping[str, float]) -> "CloudClass":
