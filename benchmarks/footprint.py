@@ -22,6 +22,7 @@ from cloudjax import (
     CloudFunction,
     FractalCloud,
     Gaussian,
+    GivenOptics,
     InvertedWorley,
     Ladder,
     Latent,
@@ -182,9 +183,11 @@ def cumulus(*, hard: bool, steps: int, nodes: int = NODES) -> Scene:
         name="cumulus",
         cloud=cloud,
         extinction_per_m=jnp.asarray(3e-3),
-        infrared_ratio=jnp.asarray(0.0),
-        co_albedo=1e-6 * one,
-        relative_absorption=jnp.zeros(0),
+        optics=GivenOptics(
+            infrared_ratio=jnp.asarray(0.0),
+            co_albedo=1e-6 * one,
+            relative_absorption=jnp.zeros(0),
+        ),
         steps=steps,
     )
     bands = ReflectiveBands((2,), one, path=0 * one, gain=one)

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
+    GivenOptics,
     GriddedCloud,
     Layer,
     PlaneParallel,
@@ -75,11 +76,13 @@ def step_cloud(albedo: float, shadows: Shadows | None) -> Scene:
     layer = Layer(
         cloud=cloud,
         extinction_per_m=jnp.asarray(18 / (SHELL.top_m - SHELL.bottom_m)),
-        infrared_ratio=jnp.asarray(0.5),
-        co_albedo=jnp.asarray([1 - albedo]),
-        relative_absorption=jnp.zeros(0),
+        optics=GivenOptics(
+            infrared_ratio=jnp.asarray(0.5),
+            co_albedo=jnp.asarray([1 - albedo]),
+            relative_absorption=jnp.zeros(0),
+            asymmetry=jnp.asarray([0.85]),
+        ),
         name="step cloud",
-        asymmetry=jnp.asarray([0.85]),
     )
     band = ReflectiveBands((2,), jnp.ones(1), path=jnp.zeros(1), gain=jnp.ones(1))
     slabs = Slabs(PlaneParallel.load())

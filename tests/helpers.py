@@ -17,6 +17,7 @@ from cloudjax import (
     EmissiveBands,
     FractalCloud,
     Gaussian,
+    GivenOptics,
     InvertedWorley,
     Ladder,
     Latent,
@@ -141,15 +142,16 @@ def fractal_cloud(
 
 def layer(cloud: FractalCloud, *, reflective=1, emissive=1, **changes) -> Layer:
     """A layer of nearly white cloud for so many bands."""
-    values = {
-        "extinction_per_m": 0.002,
+    own = {"name": "cloud", "steps": 12, "extinction_per_m": 0.002}
+    own |= {key: changes.pop(key) for key in own if key in changes}
+    own["extinction_per_m"] = jnp.asarray(own["extinction_per_m"], float)
+    optics = {
         "infrared_ratio": 0.4,
         "co_albedo": np.full(reflective, 0.01),
         "relative_absorption": np.linspace(1, 1.2, emissive),
-    } | {k: v for k, v in changes.items() if k not in ("name", "steps")}
-    arrays = {k: jnp.asarray(v, float) for k, v in values.items()}
-    name = changes.get("name", "cloud")
-    return Layer(cloud=cloud, name=name, steps=changes.get("steps", 12), **arrays)
+    } | changes
+    arrays = {k: jnp.asarray(v, float) for k, v in optics.items()}
+    return Layer(cloud=cloud, optics=GivenOptics(**arrays), **own)
 
 
 def reflective_bands(*bands: int, path=0.0, gain=1.0) -> ReflectiveBands:

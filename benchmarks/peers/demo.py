@@ -99,7 +99,10 @@ class Demo:
                 np.float32,
             ),
             shares=np.array(
-                [1 - np.sqrt(1 - (1 - layer.co_albedo) ** 2) for layer in layers]
+                [
+                    1 - np.sqrt(1 - (1 - layer.optics.scatterers.co_albedo) ** 2)
+                    for layer in layers
+                ]
             ),
             planck=np.array([float(x[0]) for x in (p.fk1, p.fk2, p.bc1, p.bc2)]),
             air=np.array(reflective.path),

@@ -8,6 +8,7 @@ import numpy as np
 
 from cloudjax import (
     FixedGrid,
+    GivenOptics,
     Latent,
     Layer,
     MaskGrid,
@@ -111,9 +112,11 @@ class Problem:
                 Layer(
                     cloud=dataclasses.replace(self.cloud(name), **changes),
                     extinction_per_m=jnp.asarray(self._extinction_per_m(name)),
-                    infrared_ratio=jnp.asarray(0.0),
-                    co_albedo=white,
-                    relative_absorption=jnp.zeros(0),
+                    optics=GivenOptics(
+                        infrared_ratio=jnp.asarray(0.0),
+                        co_albedo=white,
+                        relative_absorption=jnp.zeros(0),
+                    ),
                     name=name,
                     steps=steps,
                 )

@@ -1,7 +1,8 @@
 """What a fit says of the clouds themselves: their depth, thickness and water.
 
-Radiances tell optical depth. Water follows from it by the particles' size, which is
-assumed, and water per volume by the thickness too, which the priors hold.
+Radiances tell optical depth. Water follows from it by the particles' size, which bands
+that they absorb in tell and which is assumed without these, and water per volume by the
+thickness too, which the priors hold.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ class Condensate:
 
     **Fields:**
 
-    - `effective_radius_um`: assumed.
+    - `effective_radius_um`: of the particles.
     - `physical_extinction_per_m`, `water_content_g_m3`: within cloud; water or ice.
     - `optical_depth`: lower quartile, median and upper quartile of the pixels in which
       the class is deeper than 0.3; NaN where it is nowhere.

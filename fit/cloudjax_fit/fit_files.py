@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax import CloudClass
+from cloudjax import Layer, ParticleOptics
 from cloudjax.march.products import VISIBLE_DEPTH
 from cloudjax_data.whole_files import staged
 from cloudjax_scenes.band_image import BandImage
@@ -155,26 +155,23 @@ def optical_depths(result: FitResult) -> dict[str, float]:
 
 def condensate(result: FitResult) -> dict[str, Condensate]:
     """What each class of the fitted clouds is made of."""
-    share, classes = result.made_of.light.share, result.made_of.classes
-    counted = result.target.good
+    share, counted = result.made_of.light.share, result.target.good
     return {
-        layer.name: _condensate(
-            one, float(layer.extinction_per_m) / share, depth[counted]
-        )
-        for one, layer, depth in zip(
-            classes, result.scene.layers, result.image.depths, strict=True
-        )
+        layer.name: _condensate(layer, share, depth[counted])
+        for layer, depth in zip(result.scene.layers, result.image.depths, strict=True)
     }
 
 
-def _condensate(one: CloudClass, extinction_per_m: float, depth) -> Condensate:
-    water = one.optics.water_content_g_m3(jnp.asarray(extinction_per_m))
+def _condensate(layer: Layer, share: float, depth) -> Condensate:
+    if not isinstance(layer.optics, ParticleOptics):
+        raise TypeError(f"The layer {layer.name} has no particles to weigh.")
+    particles, extinction_per_m = layer.optics.particles, layer.extinction_per_m / share
     return Condensate(
-        effective_radius_um=one.effective_radius_um,
-        physical_extinction_per_m=extinction_per_m,
-        water_content_g_m3=float(water),
+        effective_radius_um=float(particles.effective_radius_um),
+        physical_extinction_per_m=float(extinction_per_m),
+        water_content_g_m3=float(particles.water_content_g_m3(extinction_per_m)),
         optical_depth=_quartiles(depth[depth > VISIBLE_DEPTH]),
-        observed_water_g_m3=OBSERVED_WATER.get(one.name),
+        observed_water_g_m3=OBSERVED_WATER.get(layer.name),
     )
 
 

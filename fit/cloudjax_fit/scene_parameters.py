@@ -8,7 +8,8 @@ sit in the scene is told by paths.
 from collections.abc import Iterable
 
 from cloudjax import Band, ClassParameter, CloudClass, nominal_bands
-from cloudjax.clouds.class_parameters import RESPONSES
+from cloudjax.clouds.class_parameters import RESPONSES, SIZE_BANDS
+from cloudjax_scenes.imagery import Imagery
 from cloudjax_scenes.imagery_scene import SceneFromImagery, path_reflectance
 from cloudjax_scenes.lights import LIGHTS, PAPER, Light
 
@@ -27,8 +28,7 @@ def scene_parameters(made_of: SceneFromImagery) -> list[Parameter]:
         class_parameter(one, parameter, light)
         for one in made_of.classes
         for parameter in one.parameters
-        if (emissive or parameter.key != "infrared_ratio")
-        and (one.name in imagery.evidence or parameter.key not in RESPONSES)
+        if parameter.key not in _untold(one, imagery)
     ]
     if imagery.sunlit:
         if light is PAPER:
@@ -39,6 +39,16 @@ def scene_parameters(made_of: SceneFromImagery) -> list[Parameter]:
         found.append(_temperature_offset())
         found += [_emissive_gain(i, band, light) for i, band in enumerate(emissive)]
     return found
+
+
+def _untold(one: CloudClass, imagery: Imagery) -> set[str]:
+    """Keys of a class that nothing in the imagery tells."""
+    told = {
+        "infrared_ratio": bool(imagery.emissive),
+        "effective_radius_um": any(b.number in SIZE_BANDS for b in imagery.sunlit),
+        **dict.fromkeys(RESPONSES, one.name in imagery.evidence),
+    }
+    return {key for key, known in told.items() if not known}
 
 
 def known_names(classes: Iterable[CloudClass]) -> list[str]:

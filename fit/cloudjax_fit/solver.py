@@ -1,7 +1,8 @@
 """Levenberg-Marquardt on a problem, compiled once and run from any start."""
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -21,6 +22,11 @@ TOLERANCE = 1e-2
 # Of the first step, of the order of the least curvatures of the twin's loss: an
 # undamped one leads far off (docs/decisions.md).
 FIRST_DAMPING = 100.0
+# A fit has converged where this many steps gained less than this share of the loss:
+# along the valleys of its parameters a solver creeps for as many steps again, for some
+# hundredths of a per cent (docs/decisions.md).
+CREEPING_STEPS = 5
+CREEPING_GAIN = 1e-3
 
 
 OnStep = Callable[[int, float], None]
@@ -90,10 +96,13 @@ class Solver:
             if self._on_step is not None:
                 self._on_step(len(losses), float(facts.tried_loss))
             losses.append(float(facts.tried_loss))
-            if facts.ends or not facts.sound or len(losses) >= self._max_steps:
+            crept = creeps(losses)
+            ends = crept or facts.ends or not facts.sound
+            if ends or len(losses) >= self._max_steps:
                 break
-        converged, loss = bool(facts.ends and facts.sound), float(facts.loss)
-        message = self._in_words(converged, len(losses))
+        converged = bool((crept or facts.ends) and facts.sound)
+        loss = float(facts.loss)
+        message = self._in_words(converged, len(losses), crept)
         if not np.isfinite(loss):
             converged, message = False, "the residuals are not finite"
         seconds = time.perf_counter() - started
@@ -109,7 +118,10 @@ class Solver:
             seconds,
         )
 
-    def _in_words(self, converged: bool, steps: int) -> str:
+    def _in_words(self, converged: bool, steps: int, crept: bool) -> str:
+        if converged and crept:
+            little = f"{CREEPING_STEPS} gained less than {CREEPING_GAIN:.1%}"
+            return f"converged in {steps} steps: the last {little}"
         if converged:
             return f"converged in {steps} steps"
         if steps >= self._max_steps:
@@ -133,6 +145,24 @@ class Solver:
             sound=(result == optx.RESULTS.successful) & jnp.isfinite(z).all(),
         )
         return found, eqx.filter(state, eqx.is_array), facts
+
+
+def creeps(losses: Sequence[float]) -> bool:
+    """Tell whether the last `CREEPING_STEPS` steps gained less than `CREEPING_GAIN`.
+
+    A step that makes the loss worse by more than that is not counted: it was too long,
+    and says nothing of what shorter ones may gain.
+
+    **Arguments:** `losses`: of all points that were tried, the start first.
+    """
+    best, bests = math.inf, []
+    for loss in losses:
+        if loss < (1 + CREEPING_GAIN) * best:
+            best = min(best, loss)
+            bests.append(best)
+    if len(bests) <= CREEPING_STEPS:
+        return False
+    return bests[-1 - CREEPING_STEPS] - best < CREEPING_GAIN * best
 
 
 _as_matrix = eqx.filter_jit(lambda operator: operator.as_matrix())

@@ -46,6 +46,9 @@ from .light.bands import EmissiveBands as EmissiveBands
 from .light.bands import ReflectiveBands as ReflectiveBands
 from .light.bands import bands_named as bands_named
 from .light.bands import nominal_bands as nominal_bands
+from .light.cloud_optics import AbstractCloudOptics as AbstractCloudOptics
+from .light.cloud_optics import GivenOptics as GivenOptics
+from .light.cloud_optics import ParticleOptics as ParticleOptics
 from .light.emission import EmittingSlabs as EmittingSlabs
 from .light.ground import AbstractGround as AbstractGround
 from .light.ground import ClearSky as ClearSky

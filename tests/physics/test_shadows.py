@@ -37,10 +37,8 @@ SLABS = PlaneParallel.load()
 
 def _lit(clouds, shadows: Shadows | None, albedo=1.0, **changes) -> Scene:
     """Layers for one band, in the paper's light, which compiles in no time."""
-    layers = [
-        layer(cloud, emissive=0, co_albedo=[1 - albedo], **changes) for cloud in clouds
-    ]
-    layers = [replace(one, asymmetry=jnp.asarray([ASYMMETRY])) for one in layers]
+    particles = {"co_albedo": [1 - albedo], "asymmetry": [ASYMMETRY]}
+    layers = [layer(cloud, emissive=0, **particles, **changes) for cloud in clouds]
     return replace(make_scene(layers, reflective_bands(1)), shadows=shadows)
 
 

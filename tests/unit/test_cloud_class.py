@@ -266,7 +266,7 @@ def test_parameters_have_usual_bounds_unless_the_file_gives_them(tmp_path):
         "top",
         "barrier_scale",
         "extinction",
-        "infrared_ratio",
+        "radius",
         "depth_response",
         "top_response",
         "roughness_response",
@@ -307,7 +307,7 @@ def test_a_layer_takes_its_share_of_the_physical_extinction(tmp_path):
     np.testing.assert_allclose(share.absorptions_per_m, whole.absorptions_per_m, 1e-6)
     assert whole.cloud.shell == fog.marched
     assert class_layer(fog, movable=True).cloud.shell == fog.shell
-    assert class_layer(fog).relative_absorption.shape == (0,)
+    assert class_layer(fog).optics.absorption.shape == (0,)
 
 
 DOCS = Path(__file__).parents[2] / "docs"

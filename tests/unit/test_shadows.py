@@ -54,9 +54,7 @@ def _scene(*layers, shadows: Shadows | None = STEPS, thermal=False) -> Scene:
 
 def _layer(extinction: Any = 0.01, shell: Shell | None = None, **changes):
     cloud = fractal_cloud(shell or Shell(500.0, 4000.0), nodes=2, **changes)
-    particles = {"asymmetry": jnp.asarray([0.85])}
-    one = layer(cloud, extinction_per_m=extinction, steps=4)
-    return dataclasses.replace(one, **particles)
+    return layer(cloud, extinction_per_m=extinction, asymmetry=[0.85], steps=4)
 
 
 def _for_each(direction: np.ndarray):

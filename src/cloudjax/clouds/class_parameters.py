@@ -65,6 +65,13 @@ USUAL = {
     "roughness_response": Prior(0.0, 3.0, 0.3),
 }
 ALTITUDE_SPREAD_M = 1000.0
+# By phase, µm: the radii that MODIS tells (Platnick et al. 2017, IEEE Trans. Geosci.
+# Remote Sens. 55, 502: 4 to 30 of droplets, 5 to 60 of crystals), as far as the table
+# of optics goes.
+RADII = {
+    "water": Prior(4.0, 30.0, 0.3, log=True),
+    "ice": Prior(10.0, 60.0, 0.3, log=True),
+}
 # Places in a layer and units by key, in the order in which fits list them.
 PLACES = {
     "mask_gain": ("cloud.function.mask_gain", ""),
@@ -73,15 +80,20 @@ PLACES = {
     "top_m": ("cloud.function.top_m", "m"),
     "barrier_scale_m": ("cloud.function.barrier_scale_m", "m"),
     "extinction_per_m": ("extinction_per_m", "1/m"),
-    "infrared_ratio": ("infrared_ratio", ""),
+    "effective_radius_um": ("optics.particles.effective_radius_um", "µm"),
+    "infrared_ratio": ("optics.infrared_ratio", ""),
     "extinction_growth": ("cloud.extinction_growth", ""),
     "depth_response": ("cloud.response.depth", ""),
     "top_response": ("cloud.response.top", ""),
     "roughness_response": ("cloud.response.roughness", ""),
 }
 # What is fitted where its prior is given only: radiances seen from above hardly tell a
-# condensation barrier's foot, and the light of the paper knows no denser cloud.
-UNLESS_ASKED = ("base_m", "extinction_growth")
+# condensation barrier's foot, the light of the paper knows no denser cloud, and the
+# particles know what they absorb in the infrared.
+UNLESS_ASKED = ("base_m", "extinction_growth", "infrared_ratio")
+# By day these bands tell the size of particles, which absorb there (Nakajima & King
+# 1990, J. Atmos. Sci. 47, 1878): 1.6, 2.2 and 3.9 µm.
+SIZE_BANDS = (5, 6, 7)
 # How clouds follow the coarse fields of imagery: fitted where there are any.
 RESPONSES = ("depth_response", "top_response", "roughness_response")
 WEIGHT = "weight_"
@@ -90,5 +102,6 @@ PERSISTENCE = "persistence_"
 
 
 def short_name(key: str) -> str:
-    """Return the name without its unit: "top" of "top_m"."""
-    return key.removesuffix("_per_m").removesuffix("_m")
+    """Return the name without its unit: "top" of "top_m", "radius" of the particles."""
+    name = key.removesuffix("_per_m").removesuffix("_m").removesuffix("_um")
+    return name.removeprefix("effective_")

@@ -21,6 +21,7 @@ from .class_parameters import (
     ALTITUDE_SPREAD_M,
     PERSISTENCE,
     PLACES,
+    RADII,
     UNLESS_ASKED,
     USUAL,
     WEIGHT,
@@ -124,7 +125,7 @@ class CloudClass:
     - `particles`: "water" or "ice".
     - `effective_radius_um`: of the particles.
     - `infrared_ratio`: effective absorption at 10.35 µm over extinction; None for that
-      of the particles.
+      of the particles, which follows their radius unless `priors` has one for it.
     - `extinction_growth`: of the logarithm of extinction, per unit of CF in the cloud.
     - `depth_response`, `top_response`, `roughness_response`: how strongly the clouds
       follow coarse fields, see `CoarseFields`.
@@ -205,6 +206,13 @@ class CloudClass:
         return float(self.optics.infrared_ratio)
 
     @property
+    def own_infrared_ratio(self) -> float | None:
+        """The absorption ratio where it is a number of its own; None where it follows
+        from the particles.
+        """
+        return self.absorption_ratio if self._listed("infrared_ratio") else None
+
+    @property
     def parameters(self) -> tuple[ClassParameter, ...]:
         """All that a fit may move, in physical terms, with bounds and priors."""
         found = [
@@ -229,14 +237,31 @@ class CloudClass:
             if key in self.priors
         ]
         for key, (path, unit) in PLACES.items():
-            if key in UNLESS_ASKED and key not in self.priors:
+            if not self._listed(key):
                 continue
-            value = getattr(self, key)
-            if key == "infrared_ratio":
-                value = self.absorption_ratio
-            prior = self.priors.get(key) or USUAL.get(key) or self._within_shell(value)
+            value = (
+                self.absorption_ratio if key == "infrared_ratio" else getattr(self, key)
+            )
+            prior = self.priors.get(key) or self._usual(key, value)
             found.append(ClassParameter(short_name(key), key, path, value, prior, unit))
         return tuple(found)
+
+    def _listed(self, key: str) -> bool:
+        """Tell whether a parameter has a place: what must be asked for, if it was."""
+        asked = key in self.priors
+        if key == "infrared_ratio":
+            asked = asked or self.infrared_ratio is not None
+        return asked or key not in UNLESS_ASKED
+
+    def _usual(self, key: str, value: float) -> Prior:
+        """The prior where neither the class nor a file gives one."""
+        if key == "effective_radius_um":
+            usual = RADII[self.particles]
+            if usual.lower < value < usual.upper:
+                return usual
+            # A radius of the class's own choice is never out of its bounds.
+            return replace(usual, lower=value / 2, upper=value * 2)
+        return USUAL.get(key) or self._within_shell(value)
 
     def with_values(self, values: Mapping[str, float]) -> "CloudClass":
         """Change parameters, given by their short names, such as "top", in metres.

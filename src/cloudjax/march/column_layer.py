@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 
 from cloudjax.clouds.columns import AbstractColumns, ColumnCloud
+from cloudjax.light.cloud_optics import ParticleOptics
 from cloudjax.light.optics import Particles, radius_limits_um
 
 from .scene import Layer
@@ -37,18 +38,16 @@ def column_layer(
     """
     low, high = radius_limits_um(cloud.phase)
     radius = min(max(cloud.mean_radius_um(), low), high)
-    particles = Particles(cloud.phase, radius)
     source: AbstractColumns = cloud.ready() if ready else cloud
     return Layer(
         cloud=source,
         extinction_per_m=jnp.asarray(extinction_share * cloud.extinction_per_m, float),
-        infrared_ratio=jnp.asarray(particles.infrared_ratio / extinction_share, float),
-        co_albedo=particles.co_albedo_in(sunlit),
-        asymmetry=particles.asymmetry_in(sunlit),
-        relative_extinction=particles.relative_extinction_in(sunlit),
-        relative_absorption=particles.relative_absorption_in(thermal),
-        thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
-        thermal_asymmetry=particles.thermal_asymmetry_in(thermal),
+        optics=ParticleOptics(
+            Particles(cloud.phase, jnp.asarray(radius, float)),
+            sunlit=tuple(sunlit),
+            thermal=tuple(thermal),
+            share=extinction_share,
+        ),
         name=cloud.phase if name is None else name,
         steps=steps,
     )

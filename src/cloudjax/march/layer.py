@@ -6,6 +6,8 @@ from dataclasses import replace
 import jax.numpy as jnp
 
 from cloudjax.clouds.classes import CloudClass
+from cloudjax.light.cloud_optics import ParticleOptics
+from cloudjax.light.optics import Particles
 from cloudjax.weather.advection import DisplacementMap
 from cloudjax.weather.coarse_fields import CoarseFields
 from cloudjax.weather.masks import AbstractMask
@@ -46,21 +48,19 @@ def class_layer(
         displacements=None if displacements is None else tuple(displacements),
         fields=fields,
     )
-    particles = cloud_class.optics
+    ratio, radius_um = cloud_class.own_infrared_ratio, cloud_class.effective_radius_um
     return Layer(
         cloud=cloud,
         extinction_per_m=jnp.asarray(
             extinction_share * cloud_class.extinction_per_m, float
         ),
-        infrared_ratio=jnp.asarray(
-            cloud_class.absorption_ratio / extinction_share, float
+        optics=ParticleOptics(
+            Particles(cloud_class.particles, jnp.asarray(radius_um, float)),
+            None if ratio is None else jnp.asarray(ratio / extinction_share, float),
+            sunlit=tuple(sunlit),
+            thermal=tuple(thermal),
+            share=extinction_share,
         ),
-        co_albedo=particles.co_albedo_in(sunlit),
-        asymmetry=particles.asymmetry_in(sunlit),
-        relative_extinction=particles.relative_extinction_in(sunlit),
-        relative_absorption=particles.relative_absorption_in(thermal),
-        thermal_co_albedo=particles.thermal_co_albedo_in(thermal),
-        thermal_asymmetry=particles.thermal_asymmetry_in(thermal),
         name=cloud_class.name,
         steps=steps,
     )

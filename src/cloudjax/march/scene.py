@@ -10,9 +10,10 @@ from cloudjax.air.clear_air import Air
 from cloudjax.clouds.source import AbstractCloudSource
 from cloudjax.geometry.shells import Shell
 from cloudjax.light.bands import EmissiveBands, ReflectiveBands
+from cloudjax.light.cloud_optics import AbstractCloudOptics
 from cloudjax.light.emission import EmittingSlabs
 from cloudjax.light.ground import AbstractGround, UniformGround
-from cloudjax.light.reflection import AbstractReflection, Scatterers
+from cloudjax.light.reflection import AbstractReflection
 
 from .shadows import Shadows
 
@@ -24,67 +25,33 @@ class Layer(eqx.Module):
 
     - `name`: of the cloud class.
     - `cloud`: where the cloud is.
-    - `extinction_per_m`: β within the cloud in reflective bands.
-    - `infrared_ratio`: absorption over β at the emissive reference band.
-    - `co_albedo`: 1 - ω in each reflective band.
-    - `relative_absorption`: of each emissive band, 1 at the reference band; that of the
-      pure absorber that stands for the cloud (`Particles.effective_absorption_in`).
+    - `extinction_per_m`: β within the cloud, as the scene's light knows it.
+    - `optics`: what its particles do to light in the bands of the scene.
     - `steps`: of the march.
-    - `asymmetry`: mean scattering cosine in each reflective band; for strategies that
-      have a phase function.
-    - `relative_extinction`: of each reflective band over β; None is one in all.
-    - `thermal_co_albedo`, `thermal_asymmetry`: 1 - ω and mean scattering cosine in each
-      emissive band; for scenes whose cloud scatters there.
     """
 
     cloud: AbstractCloudSource
     extinction_per_m: Float[Array, ""]
-    infrared_ratio: Float[Array, ""]
-    co_albedo: Float[Array, " reflective"]
-    relative_absorption: Float[Array, " emissive"]
+    optics: AbstractCloudOptics
     name: str = eqx.field(static=True)
     steps: int = eqx.field(static=True, default=24)
-    asymmetry: Float[Array, " reflective"] | None = None
-    relative_extinction: Float[Array, " reflective"] | None = None
-    thermal_co_albedo: Float[Array, " emissive"] | None = None
-    thermal_asymmetry: Float[Array, " emissive"] | None = None
 
     @property
     def sunlit_per_m(self) -> Float[Array, " reflective"]:
         """Extinction in each reflective band."""
-        if self.relative_extinction is None:
-            return self.extinction_per_m * jnp.ones_like(self.co_albedo)
-        return self.extinction_per_m * self.relative_extinction
-
-    @property
-    def scatterers(self) -> Scatterers:
-        """Its particles in each reflective band."""
-        none = jnp.zeros_like(self.co_albedo)
-        return Scatterers(
-            self.co_albedo, none if self.asymmetry is None else self.asymmetry
-        )
+        return self.extinction_per_m * self.optics.extinction
 
     @property
     def returned_per_m(self) -> Float[Array, " reflective"]:
         """Of the light in each reflective band what is sent back: bβ (`shadows.py`)."""
-        particles = self.scatterers
+        particles = self.optics.scatterers
         turned = (1 - particles.co_albedo) * particles.asymmetry
         return self.sunlit_per_m * (1 - turned) / 2
 
     @property
     def absorptions_per_m(self) -> Float[Array, " emissive"]:
         """Of the pure absorber in each emissive band."""
-        return self.extinction_per_m * (self.infrared_ratio * self.relative_absorption)
-
-    @property
-    def emitters(self) -> Scatterers:
-        """Its particles in each emissive band, where thermal scattering is asked."""
-        if self.thermal_co_albedo is None or self.thermal_asymmetry is None:
-            raise ValueError(
-                f"The layer {self.name} has no co-albedo or asymmetry in the thermal "
-                "bands: give both, or leave the scene's emission None."
-            )
-        return Scatterers(self.thermal_co_albedo, self.thermal_asymmetry)
+        return self.extinction_per_m * self.optics.absorption
 
 
 class BandRadiances(eqx.Module):

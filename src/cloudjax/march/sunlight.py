@@ -63,7 +63,7 @@ def _returned(
     slabs = [
         (
             way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
-            way.layer.scatterers,
+            way.layer.optics.scatterers,
             light,
         )
         for way, light in zip(ways, lights, strict=True)

@@ -81,7 +81,7 @@ def _scattering(scene: Scene, ways: Sequence[MarchedWay]) -> list[Factors | None
     slabs = [
         (
             way.layer.absorptions_per_m[:, None, None] * way.passed.depth_m[None],
-            way.layer.emitters,
+            way.layer.optics.emitters,
             way.view_height,
         )
         for way in ways

@@ -1,5 +1,6 @@
 """What a whole fit puts into its result: before, after, and by which sun and seed."""
 
+import math
 from dataclasses import replace
 
 import equinox as eqx
@@ -28,7 +29,7 @@ from cloudjax_fit.objective import (
 )
 from cloudjax_fit.observation import BINS
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
-from cloudjax_fit.solver import Solution, Solver
+from cloudjax_fit.solver import Solution, Solver, creeps
 from cloudjax_fit.statistics import COVERAGE_SCALE, SCALE
 from cloudjax_fit.targets import block_of_pixels
 from cloudjax_scenes import simulate_image
@@ -278,3 +279,38 @@ def test_the_jacobian_of_a_solution_is_that_of_the_residuals(posed):
     expected = eqx.filter_jit(jax.jacfwd(residuals))(jnp.asarray(solution.z), problem)
     largest = np.abs(expected).max(0)
     assert (np.abs(solution.jacobian - expected) < 2e-3 * largest).all()
+
+
+LEAPS = [980.0, 985.0, 979.0, 978.0, 975.0]
+
+
+@pytest.mark.parametrize(
+    ("losses", "stops"),
+    [
+        ([5000.0, 1000.0, 999.9, 999.8, 999.7, 999.6, 999.5], True),
+        # One step less, or one that gained.
+        ([5000.0, 1000.0, 999.9, 999.8, 999.7, 999.6], False),
+        ([5000.0, 1000.0, 999.9, 999.8, 998.0, 997.9, 997.8], False),
+        # Little worse is as good as nothing gained; far worse were leaps.
+        ([5000.0, 970.0, 970.5, 970.3, 970.2, 970.1, 970.05], True),
+        ([5000.0, 970.0, *LEAPS], False),
+        ([5000.0, 970.0, *LEAPS, 969.9, 969.8, 969.7, 969.6, 969.5], True),
+        ([5000.0, 970.0, *[math.nan] * 6], False),
+    ],
+)
+def test_a_solver_creeps_where_its_steps_gain_next_to_nothing(losses, stops):
+    assert creeps(losses) is stops
+    assert not any(creeps(losses[:n]) for n in range(len(losses)))
+
+
+def test_a_solver_that_creeps_has_converged(posed, monkeypatch):
+    """Without a tolerance it would go on until its steps are used up."""
+    monkeypatch.setattr("cloudjax_fit.solver.TOLERANCE", 0.0)
+    problem, _ = posed
+    solution = Solver(problem, max_steps=60)(
+        problem, jnp.zeros(len(problem.parameters))
+    )
+    assert len(solution.history) - 1 < 60
+    assert solution.converged
+    assert solution.message.endswith(": the last 5 gained less than 0.1%")
+    assert solution.loss == min(solution.history)

@@ -63,7 +63,7 @@ def test_extinction_is_the_light_s_share_of_the_physical_one(world):
         ]
         extinction = float(a.extinction_per_m)
         assert extinction == pytest.approx(share * one.extinction_per_m, rel=1e-6)
-        assert extinction * float(a.infrared_ratio) == pytest.approx(
+        assert float(a.absorptions_per_m[0]) == pytest.approx(
             one.extinction_per_m * one.absorption_ratio, rel=1e-6
         )
 

@@ -133,7 +133,7 @@ LIGHTS = {
     "paper with shadows": (
         _paper_with_shadows,
         dict.fromkeys(
-            (".thermal_co_albedo", ".thermal_asymmetry"),
+            (".optics.thermal_co_albedo", ".optics.thermal_asymmetry"),
             "cloud is taken for an absorber where the scene has no emission",
         ),
     ),
