@@ -313,4 +313,4 @@ def test_a_solver_that_creeps_has_converged(posed, monkeypatch):
     assert len(solution.history) - 1 < 60
     assert solution.converged
     assert solution.message.endswith(": the last 5 gained less than 0.1%")
-    assert solution.loss == min(solution.history)
+    assert solution.loss < 1.001 * min(solution.history)
