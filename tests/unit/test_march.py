@@ -45,6 +45,25 @@ def test_thin_cloud_keeps_its_relative_precision():
     assert float(absorbed) == pytest.approx(1e-12, rel=1e-5)
 
 
+def test_derivatives_of_deep_cloud_are_those_of_double_precision():
+    """They were rounding times the optical depth: more than all light at 1e6."""
+    fraction = np.array([[0.0, 0.3, 0.9, 1.0, 0.5, 0.0]])
+
+    def absorbed(scale):
+        passed = march(_occupancy(scale * fraction), numbers(1e4))
+        return passed.absorbed(jnp.asarray(30.0, scale.dtype))[0, 0]
+
+    for scale in (1e-6, 1e-3, 0.123, 12.3):
+        found = (
+            jax.jacfwd(absorbed)(jnp.asarray(scale)),
+            jax.jacrev(absorbed)(jnp.asarray(scale)),
+        )
+        with jax.enable_x64(True):
+            expected = np.asarray(jax.jacfwd(absorbed)(jnp.asarray(scale))) * scale
+        for one in found:
+            np.testing.assert_allclose(one * scale, expected, atol=1e-4)
+
+
 def test_a_step_absorbs_what_those_before_it_leave():
     passed = march(_occupancy([[0.0, 1.0, 0.5, 0.0]]), numbers(400.0))
     np.testing.assert_allclose(passed.segment_m[0, 0], [0, 100, 50, 0])
