@@ -106,7 +106,8 @@ class Kind:
     """What is static of a scene: the same for all that are compiled together.
 
     **Fields:** `shells`: one for each layer. `sunlit`, `thermal`: bands. `scatters`:
-    whether cloud scatters thermal radiation.
+    whether cloud scatters thermal radiation. `waves_m`: of the first ladder, which
+    has two rungs.
     """
 
     shells: tuple[Shell, ...] = (Shell(0.0, 12e3),)
@@ -117,6 +118,7 @@ class Kind:
     air: bool = False
     scatters: bool = True
     shadows: Shadows | None = None
+    waves_m: tuple[float, float] = (20e3, 10e3)
 
     @property
     def ranges(self) -> dict[str, Range]:
@@ -194,7 +196,7 @@ class Kind:
             latent=Latent.gauss_hermite(self.nodes),
             shell=self.shells[i],
             ladders=(
-                Ladder(Gaussian(), 20e3, 10e3),
+                Ladder(Gaussian(), *self.waves_m),
                 Ladder(InvertedWorley(), 6e3, 6e3),
             ),
             seed=3 + i,
