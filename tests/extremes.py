@@ -5,7 +5,7 @@ with what it measured. The tests run them all; `python -m tools.make_extremes` w
 the table.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import jax
@@ -97,15 +97,19 @@ def _seen(
     mask: float = 0.0,
     kind: Kind = SIMPLE,
     displacements=None,
+    at: Mapping[str, float] | None = None,
     **values: float,
 ) -> Seen:
-    """Look, and require that all is finite, derivatives of both modes too."""
-    direction = sun(zenith) if np.ndim(zenith) == 0 else zenith
+    """Look, and require that all is finite, derivatives of both modes too.
+
+    **Arguments:** `zenith`: of the sun, or where it is; `at`, `values`: of parameters.
+    """
+    direction = zenith if isinstance(zenith, np.ndarray) else sun(zenith)
     rays = _near() if rays is None else rays
     view = view_of(
         kind, rays, direction, lambda φ, λ: 0 * φ + mask, displacements=displacements
     )
-    vector = kind.vector(**(DECK | values))
+    vector = kind.vector(**(DECK | dict(at or {}) | values))
     found = seen_from(kind, np.tile(vector, (len(rays), 1)), view)
     for name, part in zip(found._fields, found, strict=True):
         assert np.isfinite(part).all(), name
@@ -225,8 +229,8 @@ def inside() -> str:
     return f"{_kelvin(seen):.1f} K: the cloud around, in air of {air:.1f} K."
 
 
-def _at(zenith: float, **values: float) -> tuple[float, Seen]:
-    seen = _seen(_near(spread=0.1), zenith=_over(zenith), mask=CLOUDY, **values)
+def _at(zenith: float) -> tuple[float, Seen]:
+    seen = _seen(_near(spread=0.1), zenith=_over(zenith), mask=CLOUDY)
     return _mean(seen, SUNLIT), seen
 
 
@@ -340,7 +344,7 @@ def storm() -> str:
 def _in_shell(bottom_m: float, top_m: float, **values: float) -> Seen:
     kind = replace(SIMPLE, shells=(Shell(bottom_m, top_m),))
     middle = {"base_m": bottom_m - 1e3, "top_m": top_m + 1e3}
-    return _seen(kind=kind, mask=CLOUDY, **(middle | values))
+    return _seen(kind=kind, mask=CLOUDY, at=middle | values)
 
 
 @row("Shells", "10 m thick", slow=True)
@@ -371,7 +375,7 @@ def nested() -> str:
     open_shells = {"base_m": -1e3, "top_m": 13e3, "base_m_b": -1e3, "top_m_b": 13e3}
     depths = {"extinction_per_m": 1e-4, "extinction_per_m_b": 1e-3}
     growth = {"extinction_growth_b": 0.0}
-    seen = _seen(kind=kind, mask=CLOUDY, **open_shells, **depths, **growth)
+    seen = _seen(kind=kind, mask=CLOUDY, at=open_shells | depths | growth)
     _close(float(seen.depth.mean()), 1.8, 0.02)
     return f"Depths add up: {seen.depth.mean():.3f}, where 0.8 and 1 make 1.8."
 

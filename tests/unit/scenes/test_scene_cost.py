@@ -125,6 +125,8 @@ def test_operations_stand_for_seconds_where_time_is_short(whole, monkeypatch):
     assert every.seconds is not None
     for name in PARTS:
         assert not found[name].timed
-        assert 0 < found[name].seconds < every.seconds
+        seconds = found[name].seconds
+        assert seconds is not None
+        assert 0 < seconds < every.seconds
     assert found["wind"].seconds is None
     assert np.isfinite(every.seconds)
