@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
 
-.PHONY: demo test test-slow regression-update lint docs check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
+.PHONY: demo test test-slow regression-update extremes lint docs check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
 
 demo: $(VENV)/installed
 	$(BIN)/cloudjax demo -o out/demo
@@ -20,6 +20,10 @@ test-slow: $(VENV)/installed-dev
 # Replaces the results that tests/regression has stored, and says what moved by how much.
 regression-update: $(VENV)/installed-dev
 	$(BIN)/python -m pytest tests/regression --regression-update
+
+# Measures the table of docs/accuracy/extremes.md anew.
+extremes: $(VENV)/installed-dev
+	$(BIN)/python -m tools.make_extremes
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .

@@ -5,22 +5,71 @@ from pathlib import Path
 import click
 
 from .options import (
+    Time,
     bands_option,
     ignore_weather_option,
     light_option,
 )
 
 
+_OF_COSTS = ("weather", "time", "shadows", "budget")
+
+
 @click.command()
-@click.argument("scene", metavar="SCENE|GRIB", type=click.Path(path_type=str))
+@click.argument("target", metavar="SCENE|SENSOR|GRIB")
 @bands_option
 @ignore_weather_option
 @light_option
-def info(scene, bands, ignore_weather, light) -> None:
+@click.option(
+    "--cost",
+    is_flag=True,
+    help="List the parts of the model, which are used, and what each costs here.",
+)
+@click.option(
+    "--weather", multiple=True, metavar="GRIB", help="With --cost: for a sensor."
+)
+@click.option("--time", type=Time(), help="With --cost: UTC, for a sensor.")
+@click.option(
+    "--shadows", type=click.IntRange(0), help="With --cost: steps towards the sun."
+)
+@click.option(
+    "--budget",
+    type=click.FloatRange(0, min_open=True),
+    help="With --cost: seconds to measure for.  [default: 60]",
+)
+def info(target, bands, ignore_weather, light, cost, **options) -> None:
     """Show what a scene holds, and which model parts a run would use.
 
-    Of a weather file, what `render SENSOR --weather` takes from it.
+    Of a weather file, what `render SENSOR --weather` takes from it. With --cost also
+    what each part costs on this machine, timed with and without it on some of the
+    pixels; a SENSOR, as for `cloudjax render`, has costs alone.
     """
+    if not cost:
+        given = [name for name in _OF_COSTS if options[name]]
+        if given:
+            raise click.UsageError(f"--{given[0]} is for --cost: give that too")
+        _print_folder(target, bands, ignore_weather, light)
+        return
+    from .cost_rows import cost_rows
+
+    if Path(target).is_dir():
+        _print_folder(target, bands, ignore_weather, light)
+        click.echo("")
+    click.echo("The whole image costs, once compiled, and of it each part:")
+    rows = cost_rows(
+        target,
+        bands=bands,
+        weather=options["weather"],
+        time=options["time"],
+        ignore_weather=ignore_weather,
+        light=light,
+        shadows=options["shadows"] or 0,
+        budget_s=options["budget"] or 60.0,
+    )
+    _print(rows)
+
+
+def _print_folder(scene, bands, ignore_weather, light) -> None:
     from cloudjax_data import open_folder
     from cloudjax_data.grib_messages import is_grib
 

@@ -11,6 +11,8 @@ from .uncertainty import Estimate
 
 # Of the pixels that see the Earth.
 MISSING_SHARE = 0.05
+# Values that differ by less than this part of them tell no clouds apart.
+ALIKE = 1e-3
 # A cloud that is nowhere thicker takes 3 % of the light that comes from below.
 LEAST_DEPTH = 0.03
 
@@ -21,8 +23,8 @@ def cautions(
     depths: Mapping[str, Float[np.ndarray, "y x"]],
     earth: Bool[np.ndarray, "y x"],
 ) -> list[str]:
-    """Sentences about parameters at bounds, absent classes of cloud and missing data,
-    and what had to be assumed of the scene.
+    """Sentences about parameters at bounds, absent classes of cloud, bands that tell
+    nothing and missing data, and what had to be assumed of the scene.
 
     **Arguments:**
 
@@ -36,6 +38,12 @@ def cautions(
     for name, depth in depths.items():
         if depth.max() < LEAST_DEPTH:
             said.append(f"The fitted image has no {name}: its parameters mean nothing.")
+    for number, table in target.quantiles.items():
+        if np.ptp(table.values) <= ALIKE * np.abs(table.values).max():
+            said.append(
+                f"Band {number} is the same in all cloud pixels, saturated or blind to "
+                "them: it tells nothing."
+            )
     missing = missing_share(target, earth)
     if missing > MISSING_SHARE:
         said.append(f"{missing:.0%} of the pixels that see the Earth have no data.")

@@ -48,6 +48,8 @@ INCREMENT_BINS = 24
 _LEAST_WEIGHT = 1e-3
 # An image holds so many of the largest lag at least.
 _LAGS_IN_IMAGE = 8
+# Values that differ by less than this part of them are one value: noise is more.
+_ALIKE = 1e-3
 # Bins reach beyond what is observed, by this part of it.
 _BEYOND = 0.1
 _QUANTILE = 0.995
@@ -99,7 +101,7 @@ def target_of(
     weights = np.where((weights > _LEAST_WEIGHT) & good.reshape(-1), weights, 0.0)
     tables = {n: _table(known[i], weights) for i, n in enumerate(numbers)}
     deviations = np.array(
-        [max(table.equal_weights().std(), 1e-6 * abs(table.values).max(), 1e-9)
+        [max(table.equal_weights().std(), _ALIKE * abs(table.values).max(), 1e-9)
          for table in tables.values()]
     )  # fmt: skip
     lags = tuple(lag for lag in LAGS if lag * _LAGS_IN_IMAGE <= min(good.shape))
@@ -124,8 +126,8 @@ def _statistics(
 ) -> Statistics:
     ends = [(table.values[0], table.values[-1]) for table in tables.values()]
     low, high = (np.array(side) / deviations for side in zip(*ends, strict=True))
-    span = np.maximum(high - low, 1e-6)
-    low, high = low - _BEYOND * span, high + _BEYOND * span
+    beyond = _BEYOND * _span(low, high)
+    low, high = low - beyond, high + beyond
     parts: list[AbstractStatistic] = [
         _histograms(Values(), low, high, SCALE, BINS, pixels, blocks)
     ]
@@ -180,8 +182,14 @@ def _ends(values, weights, left_out: float) -> tuple[float, float]:
     if some.size == 0:
         return 0.0, 1.0
     low, high = np.quantile(some, [left_out, 1 - left_out])
-    span = max(high - low, 1e-6)
-    return float(low - _BEYOND * span), float(high + _BEYOND * span)
+    beyond = _BEYOND * _span(low, high)
+    return float(low - beyond), float(high + beyond)
+
+
+def _span(low, high):
+    """Of values: wide enough for bins that single precision can tell apart."""
+    largest = np.maximum(np.abs(low), np.abs(high))
+    return np.maximum(high - low, np.maximum(_ALIKE * largest, 1e-6))
 
 
 def _histograms(functional, low, high, scale, count, pixels, blocks) -> Histograms:

@@ -97,7 +97,7 @@ def render_sensor(
     """
     view, sun = sensor.view, sun_direction(time)
     ground, hit = view.rays().ground()
-    scene = world.scene(bands, time, winds, day=_is_day(ground, hit, sun))
+    scene = world.scene(bands, time, winds, day=is_day(ground, hit, sun))
     # A fixed grid has much of space, a camera the limb and the sky with their clouds.
     spared = isinstance(view, FixedGrid) and hit.any()
     pixels = np.flatnonzero(hit) if spared else np.arange(hit.size)
@@ -153,7 +153,7 @@ def _cloud_fields(clouds: CloudProducts, cloudy, share: float, whole: _OnGrid):
     }
 
 
-def _is_day(ground: GroundPoints, hit, sun: Float[np.ndarray, "3"]) -> bool:
+def is_day(ground: GroundPoints, hit, sun: Float[np.ndarray, "3"]) -> bool:
     """Whether the sun can reach clouds anywhere in view, and so band 7 reflects.
 
     Bands that reflect only are rendered at night too, and are dark then. Where all

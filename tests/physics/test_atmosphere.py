@@ -136,3 +136,12 @@ def test_gradients_of_a_profile_are_finite_everywhere():
 def test_a_profile_refuses_levels_it_cannot_interpolate(levels, message):
     with pytest.raises(ValueError, match=message):
         TemperatureProfile(jnp.asarray(levels), jnp.full(len(levels), 280.0))
+
+
+def test_both_precisions_serve_in_one_process():
+    """In this order, and from numpy's arrays, jax refused the second call."""
+    levels = np.linspace(0.0, 60e3, 24)
+    single = temperature_k(levels)
+    with jax.enable_x64(True):
+        double = np.asarray(temperature_k(levels))
+    np.testing.assert_allclose(single, double, rtol=1e-6)

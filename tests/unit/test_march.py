@@ -45,6 +45,25 @@ def test_thin_cloud_keeps_its_relative_precision():
     assert float(absorbed) == pytest.approx(1e-12, rel=1e-5)
 
 
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+def test_deep_cloud_has_no_derivatives(mode):
+    """Of an optical depth of 1e5 in its first step, whatever stands behind.
+
+    Where light enters a step was a difference of two lengths: forward derivatives were
+    25 times all the light.
+    """
+    shape = jnp.asarray(np.random.default_rng(0).uniform(-3, 3, (1, 40, 6)), float)
+
+    def absorbed(x):
+        # Clear for a while, then deep.
+        fraction = jnp.where(shape < -2, 0.0, jnp.exp(6 * shape * x))
+        return march(_occupancy(fraction), jnp.full(40, 1e4)).absorbed(
+            jnp.asarray(30.0)
+        )
+
+    np.testing.assert_allclose(jax.jit(mode(absorbed))(jnp.asarray(0.37)), 0, atol=1e-6)
+
+
 def test_a_step_absorbs_what_those_before_it_leave():
     passed = march(_occupancy([[0.0, 1.0, 0.5, 0.0]]), numbers(400.0))
     np.testing.assert_allclose(passed.segment_m[0, 0], [0, 100, 50, 0])

@@ -21,6 +21,7 @@ from cloudjax import (
     radiances,
 )
 from cloudjax.geometry.latlon_grid import LatLonGrid
+from cloudjax.march.radiances import under_air
 from cloudjax.march.view import make_textures, sample
 from tests.helpers import (
     arrays,
@@ -307,3 +308,17 @@ def test_air_that_differs_from_place_to_place_warms_the_cloud():
     # The cloud lies 4 km above the ground: a hundredth of a degree.
     low, high = (scene.emissive.planck(jnp.asarray(kelvin + d)) for d in (-1.0, 1.0))
     assert np.all((emitted > low) & (emitted < high))
+
+
+def test_light_beside_the_earth_is_never_negative():
+    """Between two bright clouds more than all light is passed on; of none, none.
+
+    Radiances of -30 W m-2 sr-1 um-1 were found where a ray passes the limb.
+    """
+    none, path = jnp.zeros((1, 3)), jnp.full((1, 1), 0.1)
+    passed = jnp.asarray([[0.0, 0.5, 3.0]])
+    seen = under_air(none, passed, none, path, jnp.ones(1))
+    np.testing.assert_allclose(seen[0], [0.1, 0.05, 0.0], atol=1e-7)
+    # Over bright ground it is as bright as it is.
+    bright = under_air(none, passed, none + 0.6, path, jnp.ones(1))
+    np.testing.assert_allclose(bright[0], [0.1, 0.35, 1.6], rtol=1e-6)

@@ -37,8 +37,9 @@ _LOWEST_M = -5_000.0
 
 def _geopotential_m(altitude_m):
     """H = r₀z/(r₀ + z), held at the ends of the standard: -5 and 84.852 km."""
-    # clipped first: far below the ground r₀ + z would vanish
-    z = jnp.clip(altitude_m, -5_100.0, 87_000.0)
+    # Clipped first: far below the ground r₀ + z would vanish. As an array of JAX: its
+    # compiled functions take those of numpy for the precision of an earlier call.
+    z = jnp.clip(jnp.asarray(altitude_m), -5_100.0, 87_000.0)
     r0 = GEOPOTENTIAL_RADIUS_M
     highest = sum(thickness for thickness, _ in _LAYERS)
     return jnp.clip(r0 * z / (r0 + z), _LOWEST_M, highest)

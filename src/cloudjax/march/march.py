@@ -38,7 +38,11 @@ class March(eqx.Module):
         self, extinction_per_m: Float[Array, ""]
     ) -> Float[Array, "nodes rays steps"]:
         """The share of the light looking back that each step stops: Σ = 1 - T."""
-        before = jnp.exp(-extinction_per_m * (self.cloud_m - self.segment_m))
+        # Not as a difference of the two lengths: it would leave derivatives of deep
+        # cloud with the rounding of both, many times their own size.
+        ended = self.cloud_m[..., :-1]
+        entered = jnp.concatenate([jnp.zeros_like(self.cloud_m[..., :1]), ended], -1)
+        before = jnp.exp(-extinction_per_m * entered)
         return before * -jnp.expm1(-extinction_per_m * self.segment_m)
 
     def transmittance(

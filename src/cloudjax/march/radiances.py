@@ -115,19 +115,23 @@ def _cloudy(scene: Scene, view: View, ways: Sequence[MarchedWay]) -> BandRadianc
             air = scene.air.veil(bands, column, scene.temperature, top_altitude_m(ways))
             source = air.over(source, column.sun)
             path = path + air.path
-        seen = _under_air(source, passed, behind.reflectance, path, bands.gain)
+        seen = under_air(source, passed, behind.reflectance, path, bands.gain)
         reflective = bands.radiance(seen)
     if scene.emissive is not None and behind.radiance is not None:
         source, passed = emitted(scene, ways, column)
         bands, clear = scene.emissive, behind.radiance
-        emissive = _under_air(source, passed, clear, bands.path[:, None], bands.gain)
+        emissive = under_air(source, passed, clear, bands.path[:, None], bands.gain)
     return BandRadiances(reflective, emissive)
 
 
-def _under_air(source, transmittance, background, path, gain):
+def under_air(source, transmittance, background, path, gain):
     """Cloud over the background, beneath the air above the cloud.
 
     The background is as seen from above the atmosphere and already holds the air's
-    share.
+    share. Beside the Earth it is black and holds none: cloud then hides what there is
+    of the air's light, and never more than all of it, though between bright clouds
+    more than all light may be passed on.
     """
-    return path + gain[:, None] * source + transmittance * (background - path)
+    below = background - path
+    passed = jnp.where(below < 0, jnp.minimum(transmittance, 1), transmittance)
+    return path + gain[:, None] * source + passed * below

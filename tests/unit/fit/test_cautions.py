@@ -56,3 +56,13 @@ def test_missing_data_are_counted(result):
     assert cautions_of(result, target=target, earth=earth) == [
         "75% of the pixels that see the Earth have no data."
     ]
+
+
+def test_a_band_of_one_value_is_named(result):
+    tables = dict(result.target.quantiles)
+    number, table = next(iter(tables.items()))
+    flat = np.full(table.values.shape, 7.0)
+    tables[number] = dataclasses.replace(table, values=flat)
+    target = dataclasses.replace(result.target, quantiles=tables)
+    (said,) = cautions_of(result, target=target)
+    assert said.startswith(f"Band {number} is the same in all cloud pixels")

@@ -280,3 +280,18 @@ def test_space_beside_the_earth_is_not_missing(tmp_path):
     expected = (kelvin[hit] < 270).mean()
     assert target.cloud_fraction == pytest.approx(expected, rel=SOFT)
     assert target.quantiles[13].values[0] > 10.0
+
+
+@pytest.mark.parametrize("alike", [13, 1])
+def test_a_band_of_one_value_has_bins(alike):
+    """Saturated, or two bands that contradict each other: what one sees, one does not.
+
+    A fit ended as a fault of the program, for single precision had no bins so narrow.
+    """
+    images = flecked()
+    images[alike] = np.full_like(images[alike], images[alike].mean())
+    target = small_target(small_imagery(), images)
+    for one in target.statistics.parts:
+        assert np.isfinite(np.asarray(one.observed)).all()
+        if isinstance(one, Histograms):
+            assert (np.asarray(one.bins.width) > 0).all()

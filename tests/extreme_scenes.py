@@ -1,0 +1,389 @@
+"""Scenes with all parts of the model, anywhere in the domain of its parameters.
+
+A vector of numbers from 0 to 1 is a scene: each number is a place between the ends of
+one parameter's range. `seen_from` gives what single rays see of a scene each, how much
+light their clouds let through, and derivatives of both modes.
+"""
+
+import functools as ft
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from cloudjax import (
+    Air,
+    CloudFunction,
+    CoarseFields,
+    EmissiveBands,
+    EmittingSlabs,
+    FractalCloud,
+    Gaussian,
+    InvertedWorley,
+    Ladder,
+    Latent,
+    LatLonGrid,
+    Layer,
+    Particles,
+    PlaneParallel,
+    Rays,
+    ReflectiveBands,
+    Response,
+    Scene,
+    Shadows,
+    Shell,
+    Slabs,
+    StandardAtmosphere,
+    UniformGround,
+    View,
+    bands_named,
+)
+from cloudjax.clouds.class_parameters import USUAL
+from cloudjax.geometry.geodesy import ecef
+from cloudjax.march.marched_way import march_layers
+from cloudjax.march.radiances import see
+from cloudjax.march.view import lay, make_textures, sample
+from tests.helpers import GEOSTATIONARY_M, FunctionMask, rays_to, sampling
+
+
+class Range(NamedTuple):
+    """The ends of a parameter, and whether the way between them is logarithmic."""
+
+    low: float
+    high: float
+    log: bool = False
+
+    def at(self, part):
+        if self.log:
+            return jnp.exp(np.log(self.low) + part * np.log(self.high / self.low))
+        return self.low + part * (self.high - self.low)
+
+    def part(self, value: float) -> float:
+        """Where a value is: the inverse of `at`."""
+        if self.log:
+            return float(np.log(value / self.low) / np.log(self.high / self.low))
+        return (value - self.low) / (self.high - self.low)
+
+
+def _usual(key: str) -> Range:
+    """What a fit may move, as far as it may."""
+    prior = USUAL[key]
+    return Range(prior.lower, prior.upper, prior.log)
+
+
+# Radii reach beyond both ends of the tables; `absorption` is a factor on 1 - ω.
+OF_A_CLOUD = {
+    "weight_2": _usual("weight"),
+    "persistence": Range(0.05, 1.5),
+    "mask_gain": _usual("mask_gain"),
+    "threshold": _usual("threshold"),
+    "base_m": Range(-1e3, 13e3),
+    "top_m": Range(-1e3, 13e3),
+    "barrier_scale_m": _usual("barrier_scale_m"),
+    "smoothing": Range(0.0, 1.0),
+    "extinction_per_m": _usual("extinction_per_m"),
+    "infrared_ratio": _usual("infrared_ratio"),
+    "extinction_growth": _usual("extinction_growth"),
+    "depth_response": _usual("depth_response"),
+    "top_response": _usual("top_response"),
+    "roughness_response": _usual("roughness_response"),
+    "radius_um": Range(0.5, 300.0, log=True),
+    "absorption": Range(0.0, 1.0),
+}
+AROUND = {
+    "offset_k": Range(-60.0, 40.0),
+    "humidity": Range(0.0, 4.0),
+    "albedo": Range(0.0, 1.0),
+    "ground_k": Range(180.0, 340.0),
+    "emissivity": Range(0.5, 1.0),
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is static of a scene: the same for all that are compiled together.
+
+    **Fields:** `shells`: one for each layer. `sunlit`, `thermal`: bands. `scatters`:
+    whether cloud scatters thermal radiation. `waves_m`: of the first ladder, which
+    has two rungs.
+    """
+
+    shells: tuple[Shell, ...] = (Shell(0.0, 12e3),)
+    nodes: int = 3
+    steps: int = 6
+    sunlit: tuple[int, ...] = (2,)
+    thermal: tuple[int, ...] = (13,)
+    air: bool = False
+    scatters: bool = True
+    shadows: Shadows | None = None
+    waves_m: tuple[float, float] = (20e3, 10e3)
+
+    @property
+    def ranges(self) -> dict[str, Range]:
+        """Of all parameters, by name; those of the second layer end in "_b"."""
+        own = {
+            f"{name}{suffix}": r
+            for suffix in ("", "_b")[: len(self.shells)]
+            for name, r in OF_A_CLOUD.items()
+        }
+        return own | AROUND
+
+    def vector(self, base: float = 0.5, **values: float) -> np.ndarray:
+        """Make the vector of some values, in their own units; others are midway."""
+        ranges = self.ranges
+        assert set(values) <= set(ranges), set(values) - set(ranges)
+        return np.array(
+            [r.part(values[n]) if n in values else base for n, r in ranges.items()]
+        )
+
+    def scene(self, vector, networks: PlaneParallel) -> Scene:
+        """Make the scene of a vector."""
+        p = {
+            name: r.at(part)
+            for (name, r), part in zip(
+                self.ranges.items(), jnp.asarray(vector, float), strict=True
+            )
+        }
+        layers = [
+            self._layer(i, {n: p[f"{n}{suffix}"] for n in OF_A_CLOUD})
+            for i, suffix in enumerate(("", "_b")[: len(self.shells)])
+        ]
+        return Scene(
+            layers=tuple(layers),
+            reflective=ReflectiveBands.of(bands_named(*self.sunlit)),
+            emissive=EmissiveBands.of(bands_named(*self.thermal)),
+            reflection=Slabs(networks),
+            temperature=StandardAtmosphere(p["offset_k"]),
+            emission=EmittingSlabs(networks) if self.scatters else None,
+            air=self._air(p["humidity"]) if self.air else None,
+            shadows=self.shadows,
+            ground=UniformGround(p["albedo"], p["ground_k"], p["emissivity"]),
+        )
+
+    def _air(self, humidity) -> Air:
+        air = Air.of_bands((*self.sunlit, *self.thermal))
+        return replace(air, specific_humidity=humidity * air.specific_humidity)
+
+    def _layer(self, i: int, p: dict) -> Layer:
+        particles = Particles(("water", "ice")[i], p["radius_um"])
+        return Layer(
+            cloud=self._cloud(i, p),
+            extinction_per_m=p["extinction_per_m"],
+            infrared_ratio=p["infrared_ratio"],
+            co_albedo=p["absorption"] * particles.co_albedo_in(self.sunlit),
+            asymmetry=particles.asymmetry_in(self.sunlit),
+            relative_extinction=particles.relative_extinction_in(self.sunlit),
+            relative_absorption=particles.relative_absorption_in(self.thermal),
+            thermal_co_albedo=particles.thermal_co_albedo_in(self.thermal),
+            thermal_asymmetry=particles.thermal_asymmetry_in(self.thermal),
+            name=f"layer {i}",
+            steps=self.steps,
+        )
+
+    def _cloud(self, i: int, p: dict) -> FractalCloud:
+        one, slope = jnp.ones_like(p["threshold"]), p["persistence"]
+        return FractalCloud(
+            function=CloudFunction(
+                weights=jnp.stack([one, p["weight_2"]]),
+                persistences=jnp.stack([slope, slope]),
+                gains=jnp.ones(3),
+                barrier_strength=one,
+                **{n: p[n] for n in ("mask_gain", "threshold", "base_m", "top_m")},
+                **{n: p[n] for n in ("barrier_scale_m", "smoothing")},
+            ),
+            latent=Latent.gauss_hermite(self.nodes),
+            shell=self.shells[i],
+            ladders=(
+                Ladder(Gaussian(), *self.waves_m),
+                Ladder(InvertedWorley(), 6e3, 6e3),
+            ),
+            seed=3 + i,
+            response=Response(
+                *(p[f"{n}_response"] for n in ("depth", "top", "roughness"))
+            ),
+            extinction_growth=p["extinction_growth"],
+        )
+
+
+EVERYTHING = Kind(
+    shells=(Shell(0.0, 6e3), Shell(4e3, 14e3)),
+    sunlit=(2, 7),
+    thermal=(7, 13),
+    air=True,
+    shadows=Shadows(2, points=2),
+)
+
+
+class Seen(NamedTuple):
+    """Of each ray, what it sees of its own scene.
+
+    **Fields:**
+
+    - `radiance`: sunlight in each sunlit band, then emission in each thermal one.
+    - `forward`: derivatives of the same along the tangent.
+    - `reverse`: derivatives of their sum by each number of the vector.
+    - `through`: transmittance of each layer's cloud at the reference band, up to the
+      end of each step.
+    - `cover`, `depth`: of the cloud.
+    """
+
+    radiance: np.ndarray
+    forward: np.ndarray
+    reverse: np.ndarray
+    through: np.ndarray
+    cover: np.ndarray
+    depth: np.ndarray
+
+
+def seen_from(kind: Kind, vectors, view: View, tangents=None) -> Seen:
+    """What ray i sees of scene i: vectors and tangents are [rays parameters]."""
+    vectors = jnp.asarray(vectors, float)
+    tangents = jnp.asarray(np.ones(vectors.shape) if tangents is None else tangents)
+    networks = PlaneParallel.load()
+    (radiance, told), forward = _forward(
+        kind, vectors, tangents.astype(float), view, networks
+    )
+    reverse = _reverse(kind, vectors, view, networks)
+    return Seen(*map(np.asarray, (radiance, forward, reverse, *told)))
+
+
+def radiance_from(kind: Kind, vectors, view: View) -> np.ndarray:
+    """The radiances of `seen_from`, which are compiled faster alone."""
+    vectors = jnp.asarray(vectors, float)
+    return np.asarray(_alone(kind, vectors, view, PlaneParallel.load()))
+
+
+def _radiance(kind: Kind, networks: PlaneParallel, view: View, vector):
+    """Of one ray, and what else is told of it."""
+    scene, ray = kind.scene(vector, networks), view[None]
+    seen, clouds = see(scene, ray)
+    parts = [x[:, 0] for x in (seen.reflective, seen.emissive) if x is not None]
+    through = [
+        way.passed.transmittance(way.layer.extinction_per_m)[0]
+        for way in march_layers(scene, ray)
+    ]
+    told = jnp.stack(through), clouds.fraction[0], clouds.optical_depth[0]
+    return jnp.concatenate(parts), told
+
+
+@ft.partial(jax.jit, static_argnums=0)
+def _alone(kind: Kind, vectors, view: View, networks):
+    one = ft.partial(_radiance, kind, networks)
+    return jax.vmap(lambda ray, vector: one(ray, vector)[0])(view, vectors)
+
+
+@ft.partial(jax.jit, static_argnums=0)
+def _forward(kind: Kind, vectors, tangents, view: View, networks):
+    def one(ray, vector, tangent):
+        own = ft.partial(_radiance, kind, networks, ray)
+        radiance, forward, told = jax.jvp(own, (vector,), (tangent,), has_aux=True)
+        return (radiance, told), forward
+
+    return jax.vmap(one)(view, vectors, tangents)
+
+
+@ft.partial(jax.jit, static_argnums=0)
+def _reverse(kind: Kind, vectors, view: View, networks):
+    def total(vector, ray):
+        return _radiance(kind, networks, ray, vector)[0].sum()
+
+    return jax.vmap(jax.grad(total))(vectors, view)
+
+
+def view_of(
+    kind: Kind,
+    rays: Rays,
+    sun: np.ndarray,
+    mask=lambda φ, λ: 0 * φ,
+    fields: np.ndarray | None = None,
+    displacements=None,
+) -> View:
+    """Lay rays through a scene of a kind; all views of one kind are alike.
+
+    **Arguments:** `fields`: optical depth, top and roughness, the same everywhere.
+    """
+    nodes = np.zeros((2, 3, 3)) + (0 if fields is None else fields)
+    grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.array([0.0, 120.0, 240.0]))
+    scene = kind.scene(kind.vector(), PlaneParallel.load())
+    layers = tuple(
+        replace(
+            layer,
+            cloud=replace(
+                layer.cloud,
+                mask=FunctionMask(mask),
+                fields=CoarseFields(jnp.asarray(nodes, float), grid),
+                displacements=displacements,
+            ),
+        )
+        for layer in scene.layers
+    )
+    # As often as the rungs of the narrowest pixel, and the masks of the longest way.
+    ways = lay(replace(scene, layers=layers), rays, sun, sampling(0.0, 9))
+    return sample(scene, ways, make_textures(scene))
+
+
+def joined(views: list[View]) -> View:
+    """All rays of some views of one kind."""
+    return jax.tree.map(lambda *some: jnp.concatenate(some), *views)
+
+
+# Views --------------------------------------------------------------------------------
+
+
+def towards(latitude_deg, longitude_deg, origin_m=GEOSTATIONARY_M, pixel_rad=5.6e-5):
+    """Rays to places on the ground."""
+    φ, λ = np.broadcast_arrays(np.asarray(latitude_deg, float), longitude_deg)
+    return rays_to(origin_m, ecef(φ, λ, np.zeros(φ.shape)), pixel_rad)
+
+
+def drawn_rays(rng: np.random.Generator, count: int, above: bool = False) -> Rays:
+    """From orbits, from aircraft within the clouds and from the ground; anywhere to.
+
+    **Arguments:** `above`: from orbits to the ground only.
+    """
+    heights = [3.6e7, 8e5, 4e5] if above else [3.6e7, 8e5, 2e4, 9e3, 3e3, 500.0, 2.0]
+    places = (-90.0, 90.0, 0.0, rng.uniform(-90, 90))
+    origin = ecef(
+        rng.choice(places, count),
+        rng.choice([-180.0, 180.0, 0.0, rng.uniform(-180, 180)], count),
+        rng.choice(heights, count),
+    )
+    radius = np.linalg.norm(origin, axis=-1)
+    down, any_way = -origin / radius[:, None], _unit(rng.normal(size=(count, 3)))
+    level = _unit(any_way - (any_way * down).sum(-1, keepdims=True) * down)
+    # Straight down, aslant, to the limb and a little beyond it.
+    limb = 6.3e6 if above else 6.37e6 + rng.uniform(-5e4, 5e4, count)
+    sine = np.minimum(limb / radius, 1) * rng.choice([0.0, 0.3, 0.9, 1.0], count)
+    aimed = level * sine[:, None] + down * np.sqrt(1 - sine**2)[:, None]
+    astray = (rng.random(count) < (0 if above else 0.15))[:, None]
+    pixel_rad = np.exp(rng.uniform(np.log(1e-8), np.log(3e-3), count))
+    return Rays(origin, _unit(np.where(astray, any_way, aimed)), pixel_rad)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+RAYS_PER_SUN = 8
+
+
+def drawn(
+    kind: Kind, rng: np.random.Generator, count: int, above: bool = False
+) -> tuple[np.ndarray, View]:
+    """Vectors and a ray for each; a number of a vector is often at an end."""
+    views = []
+    for _ in range(count // RAYS_PER_SUN):
+        a, b, c = rng.uniform(-4, 4, 3)
+        fields = rng.uniform(-1, 1, 3) * np.array([3.0, 2000.0, 1.5])
+        rays = drawn_rays(rng, RAYS_PER_SUN, above)
+        sun = _unit(rng.normal(size=3))
+        mask = ft.partial(_waves, a=a, b=b, c=c)
+        views.append(view_of(kind, rays, sun, mask, fields))
+    parts = np.clip(rng.uniform(-0.2, 1.2, (count, len(kind.ranges))), 0, 1)
+    return parts, joined(views)
+
+
+def _waves(φ, λ, a, b, c):
+    return 4 * np.sin(a * φ + b * λ + c)
