@@ -105,8 +105,9 @@ def test_what_is_off_is_told(whole):
         p.name: p for p in parts_of(replace(bare, layers=tuple(single)), RAYS, view)
     }
     off = {name for name, part in told.items() if not part.used}
-    assert off == {"layer nowhere", "shadows", "gases", "Rayleigh", "thermal scattering",
-                   "sunlight in band 7", "wind", "sub-pixel nodes"}  # fmt: skip
+    assert off == {"layer nowhere", "shadows", "gases", "Rayleigh",
+                   "thermal scattering", "sunlight in band 7", "wind",
+                   "sub-pixel nodes"}  # fmt: skip
     assert told["sunlight in band 7"].why == "the sun is down"
     assert all(part.without is None for part in told.values() if not part.used)
 
