@@ -22,6 +22,7 @@ def cost_rows(
     bands: Sequence[int] | None,
     weather: Sequence[str],
     time: datetime | None,
+    centre: tuple[float, float] | None,
     ignore_weather: bool,
     light: str | None,
     shadows: int,
@@ -29,10 +30,10 @@ def cost_rows(
 ) -> Iterator[Row]:
     """Tell of each part of the model whether it is used, why, and what it costs."""
     if Path(target).is_dir():
-        if weather or time:
+        if weather or time or centre:
             raise click.UsageError(
-                f"{target} is a scene, which has a time and weather of its own: leave "
-                "out --weather and --time"
+                f"{target} is a scene, which has a place, time and weather of its "
+                "own: leave out --weather, --time and --centre"
             )
         scene, rays, sun = _of_folder(target, bands, ignore_weather, light, shadows)
     else:
@@ -41,7 +42,9 @@ def cost_rows(
                 f"{target} is no folder of a scene; a sensor needs clouds: give "
                 "--weather GFS.grib2"
             )
-        scene, rays, sun = _of_sensor(target, bands, weather, time, light, shadows)
+        scene, rays, sun = _of_sensor(
+            read_sensor(target, centre=centre), bands, weather, time, light, shadows
+        )
     found = costs(scene, some_of(rays), sun, pixels=len(rays), budget_s=budget_s)
     for part, cost in found:
         yield part.name, f"{_said(part, cost)}: {part.why}"
@@ -68,11 +71,10 @@ def _of_folder(target, bands, ignore_weather, light, shadows):
     return scene, rays[hit], sun_direction(imagery.time)
 
 
-def _of_sensor(target, bands, weather, time, light, shadows):
+def _of_sensor(sensor, bands, weather, time, light, shadows):
     from cloudjax_scenes.sensor_image import is_day
     from cloudjax_scenes.weather_scene import open_world
 
-    sensor = read_sensor(target)
     given = {} if light is None else {"light": light}
     world = open_world(weather, None, shadows=shadows, **given)
     moment = time or world.series.times[0]

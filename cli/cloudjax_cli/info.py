@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from .options import (
+    Place,
     Time,
     bands_option,
     ignore_weather_option,
@@ -12,7 +13,7 @@ from .options import (
 )
 
 
-_OF_COSTS = ("weather", "time", "shadows", "budget")
+_OF_COSTS = ("weather", "time", "centre", "shadows", "budget")
 
 
 @click.command()
@@ -29,6 +30,7 @@ _OF_COSTS = ("weather", "time", "shadows", "budget")
     "--weather", multiple=True, metavar="GRIB", help="With --cost: for a sensor."
 )
 @click.option("--time", type=Time(), help="With --cost: UTC, for a sensor.")
+@click.option("--centre", type=Place(), help="With --cost: of a mesoscale sector.")
 @click.option(
     "--shadows", type=click.IntRange(0), help="With --cost: steps towards the sun."
 )
@@ -61,6 +63,7 @@ def info(target, bands, ignore_weather, light, cost, **options) -> None:
         bands=bands,
         weather=options["weather"],
         time=options["time"],
+        centre=options["centre"],
         ignore_weather=ignore_weather,
         light=light,
         shadows=options["shadows"] or 0,

@@ -38,6 +38,19 @@ class Time(click.ParamType):
             self.fail(f"{value!r} is not a time such as 2023-04-26T17:00")
 
 
+class Place(click.ParamType):
+    """Latitude and longitude in degrees, such as 25,-80."""
+
+    name = "lat,lon"
+
+    def convert(self, value, param, ctx):
+        try:
+            latitude, longitude = map(float, value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a latitude and a longitude such as 25,-80")
+        return latitude, longitude
+
+
 scene_argument = click.argument("scene", type=click.Path(path_type=str))
 
 bands_option = click.option(

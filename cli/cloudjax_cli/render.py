@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from .options import (
+    Place,
     Time,
     bands_option,
     classes_option,
@@ -13,19 +14,6 @@ from .options import (
     ignore_weather_option,
     resolution_option,
 )
-
-
-class Place(click.ParamType):
-    """Latitude and longitude in degrees, such as 25,-80."""
-
-    name = "lat,lon"
-
-    def convert(self, value, param, ctx):
-        try:
-            latitude, longitude = map(float, value.split(","))
-        except ValueError:
-            self.fail(f"{value!r} is not a latitude and a longitude such as 25,-80")
-        return latitude, longitude
 
 
 _OF_SCENES = ("parameters", "ignore_weather")

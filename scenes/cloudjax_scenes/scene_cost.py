@@ -36,6 +36,8 @@ class Part:
     - `without`: the scene that lacks it; None where it is not used, or where no scene
       lacks it.
     - `seen`: makes the view of that scene from that of the whole.
+    - `counted`: whether its work is among the operations of radiances; that of winds is
+      done where rays are laid.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Part:
     used: bool
     without: Scene | None = None
     seen: Callable[[View], View] = lambda view: view
+    counted: bool = True
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class Cost:
     **Fields:**
 
     - `seconds`: for all pixels of the image, once compiled; None of a part that is not
-      used, or that no scene lacks.
+      used, that no scene lacks, or that was neither timed nor counted.
     - `timed`: whether they were measured; else operations stand for them.
     """
 
@@ -116,6 +119,8 @@ def costs(
             yield part, Cost()
         elif end - time.perf_counter() > to_compile:
             yield part, Cost(max(whole - seconds(part.without)[0], 0.0), True)
+        elif not part.counted:
+            yield part, Cost()
         else:
             fewer = operations(part.without, part.seen(view))
             yield part, Cost(whole * (1 - fewer / every))
@@ -238,7 +243,8 @@ def _wind(scene: Scene) -> Part:
     def calm(layer: Layer) -> Layer:
         return replace(layer, cloud=replace(layer.cloud, displacements=None))
 
-    return Part("wind", "textures are drawn out", True, _fewer_clouds(scene, calm))
+    without = _fewer_clouds(scene, calm)
+    return Part("wind", "textures are drawn out", True, without, counted=False)
 
 
 def _nodes(scene: Scene) -> Part:

@@ -21,9 +21,9 @@ from cloudjax import (
 )
 from cloudjax.clouds.ladder import frames, kept
 from cloudjax.geometry.geodesy import geodetic
-from cloudjax.geometry.path import on_chord
+from cloudjax.geometry.path import Path, on_chord
 from cloudjax.geometry.shells import Chords, chords
-from cloudjax.march.shadows import Shades, dimming
+from cloudjax.march.shadows import Shades, dimming, passed_air_m
 from cloudjax.march.view import make_textures, sample
 from tests.helpers import (
     SMOOTH,
@@ -260,3 +260,24 @@ def test_more_points_of_a_ray_find_the_shadows_of_few():
 
     none, few, many = (seen(s) for s in (None, Shadows(4), Shadows(4, points=17)))
     assert np.abs(few - many).mean() < 0.15 * np.abs(many - none).mean()
+
+
+def test_below_a_cloud_none_of_it_is_between_the_viewer_and_the_ground():
+    """A camera 2 m above the ground had its ground brightened by what is over it: its
+    derivative by the albedo was a million times too large."""
+    up = jnp.asarray([[0.0, 0.0, 1.0]])
+    levels = jnp.asarray([[0.0, 1.0, 1500.0, 4000.0]])
+    for height, length, expected in (
+        (2.0, 2.0, [1, 1, 0]),
+        (4000.0, 4000.0, [1, 1499, 2500]),
+        (4000.0, 0.0, [0, 0, 0]),
+    ):
+        path = Path(
+            length_m=jnp.asarray([length]),
+            entry_altitude_m=jnp.asarray([height]),
+            radius_m=jnp.asarray([6.37e6]),
+            direction=-up,
+            entry_up=up,
+        )
+        found = passed_air_m(levels, path)
+        np.testing.assert_allclose(found[0], expected, atol=0.01)

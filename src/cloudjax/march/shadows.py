@@ -96,11 +96,14 @@ class Shade(eqx.Module):
     **Fields:**
 
     - `rise_m`: altitude gained in each step from each point.
+    - `own_rise_m`: as much of it as the ray passes. A viewer within or below the cloud
+      sees the surface through what lies between the two only.
     - `sunward`, `own`: samples at the same altitudes on the way to the sun, and on the
       ray that sees the surface; the points are the second axis of every leaf.
     """
 
     rise_m: Float[Array, "rays points steps"]
+    own_rise_m: Float[Array, "rays points steps"]
     sunward: Any
     own: Any
 
@@ -114,14 +117,14 @@ class Shade(eqx.Module):
         """Add up the vertical length of cloud on both ways; weights of the nodes."""
         rays, points, steps = self.rise_m.shape
 
-        def length(samples):
+        def length(samples, rise_m):
             flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), samples)
             found = source.occupancy(flat, steps)
-            rise = self.rise_m.reshape(1, -1, steps)
-            total = jnp.sum(found.fraction * rise, axis=-1)
+            total = jnp.sum(found.fraction * rise_m.reshape(1, -1, steps), axis=-1)
             return total.reshape(-1, rays, points), found.weights
 
-        (lit, weights), (above, _) = length(self.sunward), length(self.own)
+        lit, weights = length(self.sunward, self.rise_m)
+        above, _ = length(self.own, self.own_rise_m)
         return lit, above, weights
 
 
@@ -195,9 +198,10 @@ class _Look(eqx.Module):
         branch = mine.source.branch(mine.way, mine.textures, left, sun, ends)
         sunward = mine.source.sample(branch, mine.textures, steps=steps, slopes=False)
         own = mine.at_altitudes_of(branch.path, steps)
-        rise = jnp.diff(here.altitude_m(ends))
+        levels = here.altitude_m(ends)
+        rises = jnp.diff(levels), passed_air_m(levels, mine.path)
         parts = jax.tree.map(
-            lambda x: x.reshape(rays, points, *x.shape[1:]), (rise, sunward, own)
+            lambda x: x.reshape(rays, points, *x.shape[1:]), (*rises, sunward, own)
         )
         return Shade(*parts)
 
@@ -212,6 +216,17 @@ class _Look(eqx.Module):
         grown = (np.arange(steps + 1) / steps) ** (2 if near else 1)
         begin, end = reached[:, :1], jnp.maximum(reached[:, 1:], reached[:, :1])
         return begin + (end - begin) * grown[None].astype(np.float32)
+
+
+def passed_air_m(
+    levels_m: Float[Array, "rays ends"], path: Path
+) -> Float[Array, "rays steps"]:
+    """Find how much of the air between levels is at altitudes of a path."""
+    turn = -path.radius_m * jnp.sum(path.direction * path.entry_up, axis=-1)
+    ends = jnp.stack([jnp.zeros_like(turn), turn, path.length_m], axis=-1)
+    at = path.altitude_m(jnp.clip(ends, 0, path.length_m[:, None]))
+    held = jnp.clip(levels_m, at.min(-1)[:, None], at.max(-1)[:, None])
+    return jnp.diff(held)
 
 
 def dimming(
