@@ -12,6 +12,7 @@ from cloudjax import (
     FixedGrid,
     Gaussian,
     Ladder,
+    cloud_classes,
     nominal_bands,
 )
 from cloudjax_data import DataError, WeatherSeries, read_weather
@@ -23,6 +24,7 @@ from cloudjax_scenes.sensor_image import (
     write_picture,
 )
 from cloudjax_scenes.sensors import Sensor
+from cloudjax_scenes.weather_decision import Table1
 from cloudjax_scenes.weather_scene import World
 from tests.generated import SCAN_START
 from tests.scenes import write_weather
@@ -38,7 +40,8 @@ COARSE = ClassTexture(Ladder(Gaussian(), 225e3, 110e3), 1.0, 0.5, 0.0)
 @pytest.fixture(scope="module")
 def world(tmp_path_factory) -> World:
     file = write_weather(tmp_path_factory.mktemp("weather"), SCAN_START)
-    return World(WeatherSeries.of([read_weather(file)]), seed=5)
+    series = WeatherSeries.of([read_weather(file)])
+    return World(series, cloud_classes(), Table1(), seed=5)
 
 
 def frame(view: FixedGrid | Camera, **given) -> SensorImage:
