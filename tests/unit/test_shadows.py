@@ -23,7 +23,7 @@ from cloudjax.clouds.ladder import frames, kept
 from cloudjax.geometry.geodesy import geodetic
 from cloudjax.geometry.path import Path, on_chord
 from cloudjax.geometry.shells import Chords, chords
-from cloudjax.march.shadows import Shades, dimming, passed_air_m
+from cloudjax.march.shadows import Shades, dimming, levels_passed_m
 from cloudjax.march.view import make_textures, sample
 from tests.helpers import (
     SMOOTH,
@@ -279,5 +279,5 @@ def test_below_a_cloud_none_of_it_is_between_the_viewer_and_the_ground():
             direction=-up,
             entry_up=up,
         )
-        found = passed_air_m(levels, path)
+        found = np.diff(levels_passed_m(levels, path))
         np.testing.assert_allclose(found[0], expected, atol=0.01)

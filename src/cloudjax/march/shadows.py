@@ -19,6 +19,7 @@ the limits.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -83,11 +84,14 @@ class Passage(eqx.Module):
         )
         return Passage(self.source, self.textures, way, samples, start)
 
-    def at_altitudes_of(self, way: Path, steps: int) -> Any:
-        """Read its own samples at the altitudes of a way that its source sampled."""
-        altitude = way.altitude_m(way.distance_m(steps))
+    def between_altitudes(self, levels_m: Float[Array, "rays ends"]) -> Any:
+        """Read its own samples where the ray is between levels that it passes."""
+        ends = jnp.clip(
+            self.path.distance_to_m(levels_m), 0, self.path.length_m[:, None]
+        )
+        path = replace(self.path, ends_m=ends)
         length = jnp.maximum(self.path.length_m, 1.0)[:, None]
-        return self.samples.on(way, self.path.distance_to_m(altitude) / length)
+        return self.samples.on(path, path.distance_m(ends.shape[-1] - 1) / length)
 
 
 class Shade(eqx.Module):
@@ -197,9 +201,10 @@ class _Look(eqx.Module):
         left = seen.start_m - mine.start_m + point
         branch = mine.source.branch(mine.way, mine.textures, left, sun, ends)
         sunward = mine.source.sample(branch, mine.textures, steps=steps, slopes=False)
-        own = mine.at_altitudes_of(branch.path, steps)
         levels = here.altitude_m(ends)
-        rises = jnp.diff(levels), passed_air_m(levels, mine.path)
+        passed = levels_passed_m(levels, mine.path)
+        own = mine.between_altitudes(passed)
+        rises = jnp.diff(levels), jnp.diff(passed)
         parts = jax.tree.map(
             lambda x: x.reshape(rays, points, *x.shape[1:]), (*rises, sunward, own)
         )
@@ -218,15 +223,14 @@ class _Look(eqx.Module):
         return begin + (end - begin) * grown[None].astype(np.float32)
 
 
-def passed_air_m(
+def levels_passed_m(
     levels_m: Float[Array, "rays ends"], path: Path
-) -> Float[Array, "rays steps"]:
-    """Find how much of the air between levels is at altitudes of a path."""
+) -> Float[Array, "rays ends"]:
+    """Move levels that a path does not reach to the nearest that it does."""
     turn = -path.radius_m * jnp.sum(path.direction * path.entry_up, axis=-1)
     ends = jnp.stack([jnp.zeros_like(turn), turn, path.length_m], axis=-1)
     at = path.altitude_m(jnp.clip(ends, 0, path.length_m[:, None]))
-    held = jnp.clip(levels_m, at.min(-1)[:, None], at.max(-1)[:, None])
-    return jnp.diff(held)
+    return jnp.clip(levels_m, at.min(-1)[:, None], at.max(-1)[:, None])
 
 
 def dimming(
