@@ -51,8 +51,6 @@ class Place(click.ParamType):
         return latitude, longitude
 
 
-scene_argument = click.argument("scene", type=click.Path(path_type=str))
-
 bands_option = click.option(
     "--bands",
     type=BandList(),
