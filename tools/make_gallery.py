@@ -1,7 +1,7 @@
 """Render the pictures of docs/gallery.md: make_gallery.py GFS.grib2 FOLDER [NAME...].
 
-Names: shear, sides, shadows, closeup, disc; by default all. The weather is of 12 UTC,
-so places are where it is day then.
+Names: evidence, shear, sides, shadows, closeup, disc; by default all. The weather is of
+12 UTC, so places are where it is day then.
 """
 
 import dataclasses
@@ -20,9 +20,10 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.patches import Rectangle
 
-from cloudjax import Camera, FixedGrid, nominal_bands
+from cloudjax import Camera, FixedGrid, nominal_bands, weather_classes
 from cloudjax_scenes.sensor_image import SensorImage, render_sensor
 from cloudjax_scenes.sensors import Sensor
+from cloudjax_scenes.weather_decision import AllEvidence
 from cloudjax_scenes.weather_scene import World, open_world
 
 
@@ -48,6 +49,12 @@ def disc(world: World) -> list[tuple[str, SensorImage]]:
     sensor = Sensor("abi-fulldisk", "ABI", coarse, nominal_bands())
     seen = look(world, sensor, (VISIBLE, WINDOW))
     return [("0.64 µm", seen), ("10.3 µm", seen)]
+
+
+def evidence(world: World) -> list[tuple[str, SensorImage]]:
+    """The same disc with clouds by all that the analysis tells."""
+    classes = weather_classes()
+    return disc(dataclasses.replace(world, classes=classes, decision=AllEvidence()))
 
 
 def shear(world: World) -> list[tuple[str, SensorImage]]:
@@ -117,6 +124,7 @@ FIGURES = {
     "shadows": shadows,
     "closeup": closeup,
     "disc": disc,
+    "evidence": evidence,
 }
 
 

@@ -63,7 +63,7 @@ _OPTIONAL = {
 _CONDITIONS = dict.fromkeys(
     (name for name in Conditions.__dataclass_fields__ if name != "evidence"), ANY_NUMBER
 )
-_WINDOW = dict.fromkeys(("above", "below", "width"), ANY_NUMBER)
+_WINDOW: dict[str, Kind] = dict.fromkeys(("above", "below", "width"), ANY_NUMBER)
 _IMAGERY = dict.fromkeys((f.name for f in fields(ImageryRule)), NUMBER)
 _LADDER = ("longest_m", "shortest_m")
 _SHAPE = ("weight", "persistence", "displacement_hours")
@@ -129,11 +129,12 @@ def class_table(one: CloudClass) -> dict[str, Any]:
     for key, usual in _DEFAULTS.items():
         if getattr(one, key) != usual:
             table[key] = getattr(one, key)
-    table["conditions"] = {
+    conditions: dict[str, Any] = {
         key: float(getattr(one.conditions, key)) for key in _CONDITIONS
     }
     if one.conditions.evidence is not None:
-        table["conditions"]["evidence"] = _evidence_table(one.conditions.evidence)
+        conditions["evidence"] = _evidence_table(one.conditions.evidence)
+    table["conditions"] = conditions
     if one.imagery is not None:
         rule = {key: getattr(one.imagery, key) for key in _IMAGERY}
         table["imagery"] = {k: v for k, v in rule.items() if v is not None}

@@ -69,6 +69,6 @@ class CoverMask(AbstractMask):
         cover = self.grid.sample(self.cover[..., None], latitude_deg, longitude_deg)
         column = ColumnCover(self.probit, self.values, self.greatest)
         if isinstance(cover, np.ndarray):
-            tables = (np.asarray(part, float) for part in (self.probit, self.values))
-            column = ColumnCover(*tables, float(self.greatest))
+            probit, values = (np.asarray(x, float) for x in (self.probit, self.values))
+            column = ColumnCover(probit, values, float(self.greatest))
         return column.mask_of(cover[..., 0])

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 
-_In, _Out = TypeVar("_In"), TypeVar("_Out")
+_In = TypeVar("_In")
+_Out = TypeVar("_Out")
 
 
 def where_met(

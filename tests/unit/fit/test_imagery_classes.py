@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import imagery_classes
+from cloudjax import ParticleOptics, imagery_classes
 from cloudjax_fit import embedded_target, scene_parameters
 from cloudjax_fit.condensate import OBSERVED_WATER
 from cloudjax_scenes import LIGHTS, SceneFromImagery
@@ -61,6 +61,8 @@ def test_scenes_start_there(light):
         assert float(layer.extinction_per_m) == pytest.approx(extinction.default)
         # Only the paper's light asks for a ratio of its own.
         if "infrared_ratio" in own:
+            assert isinstance(layer.optics, ParticleOptics)
+            assert layer.optics.infrared_ratio is not None
             ratio = float(layer.optics.infrared_ratio)
             assert ratio == pytest.approx(own["infrared_ratio"].default)
         assert ("infrared_ratio" in own) == (light.name == "paper")

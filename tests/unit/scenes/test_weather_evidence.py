@@ -31,7 +31,7 @@ SKY = {
 }
 
 
-def with_fields(cube, means=frozenset(), **fields):
+def with_fields(cube, means=frozenset(), /, **fields):
     """The same analysis with fields that have no levels, or one on all levels."""
     data = cube.data
     for name, value in fields.items():
