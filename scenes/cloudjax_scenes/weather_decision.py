@@ -36,6 +36,8 @@ Axes = tuple[Float[np.ndarray, " lat"], Float[np.ndarray, " lon"]]
 # Where a class does not say its layer: its middle is below 642 or 350 hPa of the
 # standard atmosphere.
 _LOW_BELOW_M, _MIDDLE_BELOW_M = 3.6e3, 8.1e3
+# A class that would cover less is left out there, and costs nothing.
+_LEAST_COVER = 1e-3
 
 
 _LABELS = {
@@ -220,7 +222,7 @@ def _divided(
             if evidence_of(one).layer == layer
         }
         found |= _of_layer(sky, cube, cover, of_layer, omega_sign)
-    return found
+    return {name: np.where(f < _LEAST_COVER, 0.0, f) for name, f in found.items()}
 
 
 def _of_layer(sky, cube, cover, classes, omega_sign) -> Fractions:

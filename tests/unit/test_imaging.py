@@ -156,7 +156,7 @@ def test_rays_left_out_would_have_shown_no_cloud(image, monkeypatch):
 
     The chance that is let go is 5e-4, and half of the cloud up to 1e-3.
     """
-    monkeypatch.setattr("cloudjax.march.marched_way.LEAST_LIKELIHOOD", 1e-30)
+    monkeypatch.setattr("cloudjax.march.radiances.LEAST_LIKELIHOOD", 1e-30)
     # Of another name, so that it is compiled for itself.
     named = tuple(dataclasses.replace(la, name="marched") for la in SCENE.layers)
     scene = dataclasses.replace(SCENE, layers=named)

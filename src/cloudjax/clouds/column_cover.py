@@ -34,8 +34,9 @@ _SMOOTHING, _MOST_CHANGE = 0.02, 6.0
 # in a thousand is too rare to be counted.
 _NODES = 65
 _LEAST = 2e-3
-# A clear sky is one of so little cloud, where the mask and its slope are finite.
-_CLEAR = 1e-4
+# A clear sky is one of so little cloud, where the mask and its slope are finite; less
+# than the march would see.
+_CLEAR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ from .scene import Layer, Scene
 from .view import View
 
 
-# Where a layer's cloud is less likely there is none. Masks leave clear air a chance of
-# 1e-4 (`fraction_to_mask`); the cover of a layer is wrong by this at most.
-LEAST_LIKELIHOOD = 1e-3
+# Where a layer's cloud is less likely there is none. The likelihood is that of a point;
+# a column of many, and noise with long tails, cover ten times as much.
+LEAST_OF_LAYER = 1e-6
 
 
 class MarchedWay(eqx.Module):
@@ -106,19 +106,23 @@ def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
 
 
 def shares_of_ways(
-    scene: Scene, samples: Sequence[Any], layer_of: Sequence[int]
+    scene: Scene,
+    samples: Sequence[Any],
+    layer_of: Sequence[int],
+    least: float = LEAST_OF_LAYER,
 ) -> list[Float[Array, " rays"]]:
     """Tell where each way has cloud: 1 where that is likely, 0 where it is not.
 
     It rises smoothly in between, so that radiances have no jumps.
 
-    **Arguments:** `samples`: of each way, or the ways themselves.
+    **Arguments:** `samples`: of each way, or the ways themselves. `least`: likelihood
+    from which on it is 1; up to half of it it is 0.
     """
     chances = [
         scene.layers[i].cloud.likelihood(some)
         for i, some in zip(layer_of, samples, strict=True)
     ]
-    parts = [jnp.clip(2 * chance / LEAST_LIKELIHOOD - 1, 0, 1) for chance in chances]
+    parts = [jnp.clip(2 * chance / least - 1, 0, 1) for chance in chances]
     return [x * x * (3 - 2 * x) for x in parts]
 
 

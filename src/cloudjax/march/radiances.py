@@ -22,15 +22,19 @@ from .thermal import emitted
 from .view import Surroundings, View
 
 
+# Rays on which cloud is less likely are clear. Masks leave clear air a chance of 1e-4
+# (`fraction_to_mask`).
+LEAST_LIKELIHOOD = 1e-3
+
+
 @jax.jit
 def radiances(scene: Scene, view: View) -> BandRadiances:
     """Find what the rays of a view see of a scene.
 
     A pure function: `jax.jit`, `grad`, `jacfwd`, `jacrev` and `hessian` by the arrays
     of the scene, and `vmap` over scenes of one structure or over the rays of the view
-    work on it. Rays on which cloud is less likely than half of
-    `marched_way.LEAST_LIKELIHOOD` see the clear sky, and up to that itself cloud fades
-    in, layer by layer.
+    work on it. Rays on which cloud is less likely than half of `LEAST_LIKELIHOOD` see
+    the clear sky, and up to that itself cloud fades in.
 
     **Returns:** radiances in the units of the bands, [bands rays]; of a view of one ray
     [bands].
@@ -91,7 +95,7 @@ def cloud_share(
 
     **Arguments:** `samples`: of each way, or the ways themselves.
     """
-    shares = shares_of_ways(scene, samples, layer_of)
+    shares = shares_of_ways(scene, samples, layer_of, LEAST_LIKELIHOOD)
     share = ft.reduce(jnp.maximum, shares)
     # Where no cloud is, the shadow of another may be.
     return share if scene.shadows is None else jnp.ones_like(share)
