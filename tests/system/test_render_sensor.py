@@ -171,6 +171,7 @@ def test_a_fifth_class_is_a_matter_of_toml(folder):
     classes.write_text(text)
     file = folder / "fifth.nc"
     options = "--weather", folder / "gfs.grib2", "--classes", classes, *SMALL
+    options += "--decision", "table1"
     result = run("render", *MESO, *options, "--bands", "13", "-o", file)
     assert result.exit_code == 0, result.output
     with xr.open_dataset(file) as data:
@@ -231,6 +232,7 @@ def test_classes_that_a_fit_found_stand_in_weather(folder, tmp_path):
     write_fit(made_up_result(found), tmp_path / "fit")
     image = tmp_path / "out.nc"
     given = "--weather", folder / "gfs.grib2", "--steps", "4", "--bands", "2,13"
+    given += "--decision", "table1"
     classes = "--classes", tmp_path / "fit" / "parameters.toml"
     result = run("render", *MESO, *given, *classes, "-o", image)
     assert result.exit_code == 0, result.output
