@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import Time, classes_option, ignore_weather_option
+from .options import Time, classes_option, decision_option, ignore_weather_option
 from .render import Place, refuse, require_near
 
 
@@ -33,6 +33,7 @@ _OF_SCENES = ("parameters", "ignore_weather")
     metavar="GRIB",
     help="A global analysis; again for those of other times.",
 )
+@decision_option
 @click.option(
     "--wrf",
     multiple=True,
@@ -111,11 +112,12 @@ def _sight(scene, options):
             "clouds come from --weather, from --wrf or from a SCENE: give one"
         )
     if scene is not None:
-        refuse(("time", "place"), options, f"{scene} is a scene")
+        refuse(("time", "place", "decision"), options, f"{scene} is a scene")
         return _of_scene(scene, options)
     refuse(_OF_SCENES, options, f"--{given[0]} is no scene")
     if options["wrf"]:
-        refuse(("classes",), options, "clouds of --wrf are the model's own")
+        own = "clouds of --wrf are the model's own"
+        refuse(("classes", "decision"), options, own)
         return _of_model(options)
     refuse(("place",), options, "the place of an ideal run is for --wrf")
     return _of_weather(options)
@@ -135,7 +137,7 @@ def _of_weather(options):
     world = open_world(
         options["weather"],
         options["classes"],
-        **_asked(options, "seed", "steps", "shadows"),
+        **_asked(options, "decision", "seed", "steps", "shadows"),
     )
     time = options["time"] or world.series.times[0]
     require_near(time, world)

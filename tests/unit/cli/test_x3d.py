@@ -98,10 +98,11 @@ def test_weather_reaches_the_boards(weather_folder, tmp_path, asked, monkeypatch
     monkeypatch.setattr(sights, "sight_of_weather", sight_of_weather)
     files = [weather_folder / name for name in ("gfs.grib2", "classes.toml")]
     given = "--weather", files[0], "--classes", files[1], "--centre", "20,-80"
-    run("x3d", *given, "--seed", 3, "-o", tmp_path / "sky")
+    run("x3d", *given, "--seed", 3, "--decision", "table1", "-o", tmp_path / "sky")
     world, box, time, sun = asked["given"]
     assert list(world.classes) == ["low", "high"]
     assert (world.seed, world.sources) == (3, ("gfs.grib2",))
+    assert world.decision.name == "table1"
     assert (box.latitude_deg, box.longitude_deg, box.size_m) == (20, -80, 50e3)
     assert (time, sun) == (NOON, None)
 
