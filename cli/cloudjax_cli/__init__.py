@@ -12,12 +12,13 @@ from .fit import fit
 from .info import info
 from .render import render
 from .report import report
+from .tradeoff import tradeoff
 from .x3d import x3d
 
 
 @click.group(
     cls=OneSentenceGroup,
-    commands=[demo, fetch, info, fit, render, report, x3d, doctor],
+    commands=[demo, fetch, info, fit, render, report, tradeoff, x3d, doctor],
     context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
     invoke_without_command=True,
 )

@@ -53,23 +53,24 @@ def info(target, bands, ignore_weather, light, cost, **options) -> None:
         _print_folder(target, bands, ignore_weather, light)
         return
     from .cost_rows import cost_rows
+    from .subjects import subject_of
 
     if Path(target).is_dir():
         _print_folder(target, bands, ignore_weather, light)
         click.echo("")
     click.echo("The whole image costs, once compiled, and of it each part:")
-    rows = cost_rows(
+    shadows = options["shadows"] or 0
+    subject = subject_of(
         target,
         bands=bands,
+        light=light,
+        ignore_weather=ignore_weather,
         weather=options["weather"],
         time=options["time"],
         centre=options["centre"],
-        ignore_weather=ignore_weather,
-        light=light,
-        shadows=options["shadows"] or 0,
-        budget_s=options["budget"] or 60.0,
+        shadows=shadows,
     )
-    _print(rows)
+    _print(cost_rows(subject, shadows=shadows, budget_s=options["budget"] or 60.0))
 
 
 def _print_folder(scene, bands, ignore_weather, light) -> None:

@@ -48,6 +48,7 @@ class ModelWorld:
     - `steps`: through the shell of water and through that of ice.
     - `light`: the strategy for sunlight, one of `lights.LIGHTS`.
     - `shadows`: steps towards the sun, 0 for no shadows.
+    - `scattering`: whether cloud scatters thermal radiation; else it absorbs alone.
 
     **Raises:** `DataError` where the model has no cloud, for no steps, and for shadows
     with another light than the physical one.
@@ -57,6 +58,7 @@ class ModelWorld:
     steps: int = 24
     light: str = "physical"
     shadows: int = 0
+    scattering: bool = True
     # Nothing is drawn at random.
     seed: int = 0
 
@@ -128,7 +130,9 @@ class ModelWorld:
             reflective=ReflectiveBands.of(sunlit, earth_sun_distance_au(time)),
             emissive=EmissiveBands.of(emissive),
             reflection=light.reflection(),
-            emission=light.emission() if light.emission and emissive else None,
+            emission=light.emission()
+            if light.emission and emissive and self.scattering
+            else None,
             air=Air.of_bands([band.number for band in bands], profiles=self.profiles),
             shadows=light.shadows(self.shadows),
             ground=self.surface,

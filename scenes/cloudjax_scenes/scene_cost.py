@@ -20,11 +20,6 @@ from cloudjax.march.radiances import see
 from cloudjax.march.shadows import Shades
 
 
-# Pixels that are timed, drawn at random: a tile that every machine's cache holds.
-PIXELS = 2048
-_SEED = 0
-
-
 @dataclass(frozen=True, eq=False)
 class Part:
     """A part of the model.
@@ -92,7 +87,7 @@ def costs(
 
     **Arguments:**
 
-    - `rays`: some of the image's, such as `PIXELS` of them.
+    - `rays`: some of the image's, drawn at random.
     - `pixels`: of the whole image, for which seconds are told.
     - `budget_s`: after which nothing more is timed, and operations stand for it.
     """
@@ -138,12 +133,6 @@ def operations(scene: Scene, view: View) -> float:
     lowered = jax.jit(lambda scene, view: see(scene, view)[0]).lower(scene, view)
     counted = lowered.cost_analysis() or {}
     return float(counted.get("flops", 0.0))
-
-
-def some_of(rays: Rays, count: int = PIXELS) -> Rays:
-    """Draw some rays at random, the same each time."""
-    few = np.random.default_rng(_SEED).permutation(len(rays))[:count]
-    return rays[np.sort(few)]
 
 
 # Parts --------------------------------------------------------------------------------

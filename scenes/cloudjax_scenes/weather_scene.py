@@ -72,11 +72,13 @@ class World:
     - `classes`: of cloud, by name.
     - `decision`: on where they are: all that the analyses tell, or Table 1.
     - `seed`: of all textures.
-    - `steps`: through each shell.
+    - `steps`: through each shell; `nodes`: sub-pixel structures that radiances are
+      averaged over.
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
     - `light`: the strategy for sunlight, one of `lights.LIGHTS`.
     - `air`: whether gases and Rayleigh scattering count.
     - `shadows`: steps towards the sun, 0 for no shadows.
+    - `scattering`: whether cloud scatters thermal radiation; else it absorbs alone.
 
     **Raises:** `DataError` for regional weather, for air comes from outside of it;
     without a class; for a negative seed or no steps; for shadows with another light
@@ -92,6 +94,8 @@ class World:
     light: str = "physical"
     air: bool = True
     shadows: int = 0
+    nodes: int = 5
+    scattering: bool = True
 
     def __post_init__(self):
         cube = self.series.cubes[0]
@@ -113,6 +117,8 @@ class World:
             raise DataError(f"seed = {self.seed} is negative: make it 0 or more.")
         if self.steps < 1:
             raise DataError(f"steps = {self.steps} is none: make it 1 or more.")
+        if self.nodes < 1:
+            raise DataError(f"nodes = {self.nodes} is none: make it 1 or more.")
         # For its errors.
         self.strategy.shadows(self.shadows)
 
@@ -152,7 +158,9 @@ class World:
             reflective=ReflectiveBands.of(sunlit, earth_sun_distance_au(time)),
             emissive=EmissiveBands.of(emissive),
             reflection=light.reflection(),
-            emission=light.emission() if light.emission and emissive else None,
+            emission=light.emission()
+            if light.emission and emissive and self.scattering
+            else None,
             temperature=StandardAtmosphere() if self.air else self.temperature,
             air=Air.of_bands(numbers, profiles=self.profiles) if self.air else None,
             shadows=light.shadows(self.shadows),
@@ -177,6 +185,7 @@ class World:
                     thermal=[band.number for band in emissive],
                     seed=self.seed + 100 * i,
                     steps=self.steps,
+                    nodes=self.nodes,
                     extinction_share=self.strategy.share,
                     mask=self._mask(one, fractions[name], winds),
                     displacements=[

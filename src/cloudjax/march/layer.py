@@ -6,6 +6,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 
 from cloudjax.clouds.classes import CloudClass
+from cloudjax.clouds.level_set import Latent
 from cloudjax.light.cloud_optics import ParticleOptics
 from cloudjax.light.optics import Particles
 from cloudjax.weather.advection import DisplacementMap
@@ -22,6 +23,7 @@ def class_layer(
     thermal: Sequence[int] = (),
     seed: int = 0,
     steps: int = 24,
+    nodes: int = 5,
     extinction_share: float = 1.0,
     movable: bool = False,
     mask: AbstractMask | None = None,
@@ -34,7 +36,8 @@ def class_layer(
 
     - `sunlit`, `thermal`: numbers of the bands that see the sun, and of those that
       emit, as the scene lists them.
-    - `seed`: of the textures; `steps`: of the march through the shell.
+    - `seed`: of the textures; `steps`: of the march through the shell; `nodes`:
+      sub-pixel structures that radiances are averaged over.
     - `extinction_share`: of the physical extinction that the scene's light calls
       extinction; absorption in the infrared stays the physical one.
     - `movable`: a fit will move the cloud within its shell, see `CloudClass.cloud`.
@@ -44,6 +47,7 @@ def class_layer(
     """
     cloud = replace(
         cloud_class.cloud(seed, movable=movable),
+        latent=Latent.gauss_hermite(nodes),
         mask=mask,
         displacements=None if displacements is None else tuple(displacements),
         fields=fields,

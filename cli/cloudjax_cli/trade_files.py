@@ -1,0 +1,62 @@
+"""What `cloudjax tradeoff` says and writes. Imports all that it needs."""
+
+import json
+import time
+from pathlib import Path
+
+import click
+
+from cloudjax_data.whole_files import write_text_whole
+from cloudjax_scenes.trade.fronts import Front, Machine, keep
+from cloudjax_scenes.trade.page import trade_page
+from cloudjax_scenes.trade.sweep import Sweep
+from cloudjax_scenes.trade.trial import Subject, Trial
+
+
+def gathered(subject: Subject, sweep: Sweep) -> Front | None:
+    """Measure until the budget is spent or the user ends it.
+
+    **Returns:** what was measured, None without a reference and a trial.
+    """
+    end = time.perf_counter() + sweep.budget_s
+    trials: list[Trial] = []
+    try:
+        for trial in sweep.trials(subject):
+            trials.append(trial)
+            left = max(end - time.perf_counter(), 0)
+            click.echo(f"{_said(trial)}; {left:.0f} s left")
+    except KeyboardInterrupt:
+        click.echo(f"Interrupted after {len(trials)} qualities.")
+    if len(trials) < 2:
+        return None
+    return Front(
+        kind=subject.kind,
+        subjects=(subject.name,),
+        pixels=subject.pixels,
+        sample=len(subject.rays),
+        machine=Machine.here(),
+        reference=trials[0],
+        trials=tuple(trials[1:]),
+    )
+
+
+def write_trade(folder: Path, front: Front, command: str) -> None:
+    """Write the front as numbers and as a page, keep it, and say where.
+
+    **Arguments:** `command`: that renders the scene, to which a quality's options are
+    added.
+    """
+    numbers = front.json() | {"command": command}
+    write_text_whole(folder / "tradeoff.json", json.dumps(numbers, indent=1) + "\n")
+    write_text_whole(folder / "tradeoff.html", trade_page(front, command))
+    click.echo("Nothing beats:")
+    for trial in front.best:
+        click.echo(f"  {_said(trial)}")
+    click.echo(f"{folder / 'tradeoff.html'} and tradeoff.json; kept as {keep(front)}")
+
+
+def _said(trial: Trial) -> str:
+    errors = ", ".join(
+        f"C{number:02d} {error.rmse:.2%}" for number, error in trial.errors.items()
+    )
+    return f"{trial.quality.words}: {trial.seconds:.3g} s, RMSE/std {errors}"

@@ -1,0 +1,1 @@
+"""What accuracy costs: scenes rendered at many qualities, timed, compared, chosen."""

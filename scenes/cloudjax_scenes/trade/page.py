@@ -1,0 +1,88 @@
+"""The page of a trade: one picture of error against time, and a table of the front."""
+
+import base64
+import functools as ft
+import importlib.resources
+import io
+
+import jinja2
+import matplotlib
+from matplotlib.figure import Figure
+
+from .fronts import Front
+from .trial import Trial
+
+
+_INK, _FAINT, _LINE = "#22262b", "#8a9099", "#1d5fa6"
+_RC = {
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "font.size": 9,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cloudjax",
+}
+# Of an error, for a logarithmic axis.
+_LEAST = 1e-5
+
+
+def trade_page(front: Front, command: str) -> str:
+    """Make a page that opens offline.
+
+    **Arguments:** `command`: that renders the scene, to which a quality's options are
+    added.
+    """
+    return _template().render(
+        front=front,
+        best=front.best,
+        bands=sorted(front.trials[0].errors),
+        picture=_picture(front),
+        command=command,
+    )
+
+
+def _picture(front: Front) -> str:
+    """Error against seconds, as a data URI: all trials, and the front as a line."""
+    with matplotlib.rc_context(_RC):
+        figure = Figure(figsize=(8.2, 4.6), layout="constrained")
+        axes = figure.subplots()
+        axes.scatter(*_places(front.trials), s=18, color=_FAINT, label="measured")
+        axes.plot(*_places(front.best), "o-", color=_LINE, label="nothing beats")
+        for trial in front.best:
+            axes.annotate(
+                trial.quality.words.replace("--", ""),
+                (trial.seconds, _shown(trial)),
+                xytext=(5, 4),
+                textcoords="offset points",
+                color=_INK,
+                fontsize=7.5,
+            )
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.margins(x=0.15)
+        axes.set_xlabel(f"seconds for {front.pixels} pixels, once compiled")
+        axes.set_ylabel("RMSE over standard deviation, worst band, %")
+        axes.grid(visible=True, which="both", color="#eceef1", linewidth=0.6)
+        axes.legend(frameon=False)
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="svg", metadata={"Date": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(drawn.getvalue()).decode()
+
+
+def _shown(trial: Trial) -> float:
+    return 100 * max(trial.error, _LEAST)
+
+
+def _places(trials) -> tuple[list[float], list[float]]:
+    return [t.seconds for t in trials], [_shown(t) for t in trials]
+
+
+@ft.cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    file = importlib.resources.files("cloudjax_scenes.trade") / "page.html.jinja"
+    return environment.from_string(file.read_text(encoding="utf-8"))
