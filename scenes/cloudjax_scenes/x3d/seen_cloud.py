@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 
 from cloudjax import BandRadiances, Scene, look
 from cloudjax.geometry.rays import Rays
-from cloudjax.geometry.shells import chords
+from cloudjax.geometry.shells import Shell, chords
 from cloudjax.march.marched_way import march_layers
 from cloudjax.march.radiances import cloud_share, radiances, see_clear
 from cloudjax.march.view import View, tiles
@@ -105,7 +105,12 @@ def _march(scene: Scene, picture: Picture, sun, share: float, index, filled):
         for found in _seen(scene, view, 1 / share)
     )
     pieces = [
-        _pieces(picture, rays[:count], scene.layers[i].cloud.shell, profile[:count])
+        _pieces(
+            picture,
+            rays[:count],
+            scene.layers[i].cloud.shell,
+            *(one[:count] for one in profile),
+        )
         for i, profile in zip(view.layer_of, profiles, strict=True)
     ]
     ray, place, depth = (np.concatenate(part) for part in zip(*pieces, strict=True))
@@ -114,13 +119,15 @@ def _march(scene: Scene, picture: Picture, sun, share: float, index, filled):
 
 
 def _seen(scene: Scene, view: View, power: Float[Array, ""] | float):
-    """Reflectance factors with and without cloud, opacity, transmittance per step."""
+    """Reflectance factors with and without cloud, opacity, and of each way the
+    transmittance to the end of each step and where the steps are.
+    """
     bands, cloudy, clear = scene.reflective, radiances(scene, view), _clear(scene, view)
     assert bands is not None
     assert cloudy.reflective is not None
     assert clear.reflective is not None
     through = _through(scene, view, power)
-    opacity = 1 - ft.reduce(jnp.multiply, [t[:, -1] for t in through])
+    opacity = 1 - ft.reduce(jnp.multiply, [t[:, -1] for t, _ in through])
     found = bands.reflectance(cloudy.reflective), bands.reflectance(clear.reflective)
     return *found, opacity, through
 
@@ -128,11 +135,16 @@ def _seen(scene: Scene, view: View, power: Float[Array, ""] | float):
 # Compiled apart from the radiances: together XLA takes minutes longer.
 @jax.jit
 def _through(scene: Scene, view: View, power: Float[Array, ""] | float):
-    """Transmittance from the entry of each way to the end of each step."""
+    """Transmittance from the entry of each way to the end of each step, and distances
+    [m] of the steps from the entry.
+    """
     share = cloud_share(scene, view.samples, view.layer_of)[:, None]
     return [
-        (1 - share * (1 - way.passed.transmittance(way.layer.extinction_per_m)))
-        ** power
+        (
+            (1 - share * (1 - way.passed.transmittance(way.layer.extinction_per_m)))
+            ** power,
+            way.start_m[:, None] + way.distance_m,
+        )
         for way in march_layers(scene, view)
     ]
 
@@ -143,15 +155,18 @@ def _clear(scene: Scene, view: View) -> BandRadiances:
 
 
 def _pieces(
-    picture: Picture, rays: Rays, shell, through: Float[np.ndarray, "rays ends"]
+    picture: Picture,
+    rays: Rays,
+    shell: Shell,
+    through: Float[np.ndarray, "rays ends"],
+    distance_m: Float[np.ndarray, "rays steps"],
 ):
     """Steps with cloud: their rays, places and depths."""
     seen = np.maximum(through, _DARK)
     depth = np.log(seen[:, :-1] / seen[:, 1:])
     ray, step = np.nonzero(depth > _LEAST_DEPTH)
     chord = chords(rays, shell)
-    part = (step + 0.5) / depth.shape[1]
-    distance = chord.entry_m[ray] + part * chord.length_m[ray]
+    distance = chord.entry_m[ray] + distance_m[ray, step]
     place = picture.box.local_m(rays[ray].at(distance))
     inside = picture.box.holds(place)
     return ray[inside], place[inside], depth[ray, step][inside]

@@ -331,8 +331,8 @@ class CloudClass:
     def cloud(self, seed: int, *, movable: bool = False) -> FractalCloud:
         """Make the source of cloud; same seed, same cloud.
 
-        **Arguments:** `movable`: the whole shell is marched, for the barriers will be
-        moved by a fit; else that part of it in which there can be cloud.
+        **Arguments:** `movable`: the whole shell is sampled, for a fit will move the
+        barriers; else that part of it in which there can be cloud.
         """
         return FractalCloud(
             function=CloudFunction(
@@ -356,6 +356,7 @@ class CloudClass:
             thickness_m=_USUAL_THICKNESS_M
             if movable
             else max(self.top_m - self.base_m, self.barrier_scale_m),
+            movable=movable,
             extinction_growth=jnp.asarray(self.extinction_growth, float),
             response=Response(
                 depth=jnp.asarray(self.depth_response, float),

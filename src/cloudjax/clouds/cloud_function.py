@@ -84,14 +84,26 @@ class CloudFunction(eqx.Module):
         barriers = 2 * self.barrier_strength * jnp.exp(-jnp.maximum(thickness, 0) / 2)
         return barriers + self.threshold
 
+    def variance(self, ladders: tuple[Ladder, ...]) -> Float[Array, ""]:
+        """Return that of CF where the mask is the same, without any footprint."""
+        powers = jnp.asarray([rung.power for rung in rungs(ladders)], float)
+        variance = self.smoothing**2 + self.amplitudes(ladders) ** 2 @ powers
+        # The floor keeps the slope of the root finite where nothing varies.
+        return jnp.maximum(variance, 1e-12)
+
+    def reach_m(self, excess: Float[Array, " rays"]) -> Float[Array, " rays"]:
+        """Return how far [m] beyond base and top the barriers leave it a chance.
+
+        **Arguments:** `excess`: of textures and mask over T, at the most.
+        """
+        strength = jnp.maximum(excess / self.barrier_strength, 1.0)
+        return self.barrier_scale_m * jnp.log(strength)
+
     def likelihood(
         self, mask: Float[Array, " rays"], ladders: tuple[Ladder, ...]
     ) -> Float[Array, " rays"]:
         """Of cloud in the middle of the layer under a mask, for normal noise."""
-        powers = jnp.asarray([rung.power for rung in rungs(ladders)], float)
-        variance = self.smoothing**2 + self.amplitudes(ladders) ** 2 @ powers
-        # The floor keeps the slope of the root finite where nothing varies.
-        spread = jnp.sqrt(jnp.maximum(variance, 1e-12))
+        spread = jnp.sqrt(self.variance(ladders))
         return ndtr((self.mask_gain * mask - self.margin) / spread)
 
     def _barriers(self, altitude_m):

@@ -40,6 +40,8 @@ from .source import AbstractCloudSource, Occupancy, Slopes
 _MOST_GROWTH = 4.0
 # Steps to each point at which gradients of the noise are sampled.
 _STEPS_PER_SLOPE = 3
+# Standard deviations of all textures together, above which hardly any of them is.
+_FARTHEST = 3.0
 
 
 class FractalCloud(AbstractCloudSource):
@@ -59,6 +61,8 @@ class FractalCloud(AbstractCloudSource):
       still air.
     - `fields`: what the clouds are like from place to place, and `response`: how
       strongly they follow; None where they are alike everywhere.
+    - `movable`: whether the parameters may move the cloud within its shell. Then only
+      that part of the shell is marched in which they leave cloud a chance.
     - `extinction_growth`: κ: extinction is exp(κ CF) times that of the layer in the
       cloud, for liquid water and ice grow from its edge inwards.
 
@@ -76,6 +80,7 @@ class FractalCloud(AbstractCloudSource):
     displacements: tuple[DisplacementMap | None, ...] | None = None
     fields: CoarseFields | None = None
     response: Response = eqx.field(default_factory=Response)
+    movable: bool = eqx.field(static=True, default=False)
     extinction_growth: Float[Array, ""] = eqx.field(
         default_factory=lambda: jnp.asarray(0.0)
     )
@@ -187,6 +192,30 @@ class FractalCloud(AbstractCloudSource):
         """Estimate how likely a ray is to meet cloud, by the most of its mask."""
         most = self.function.likelihood(samples.mask.values.max(-1), self.ladders)
         return jnp.where(samples.path.length_m > 0, most, 0.0)
+
+    def narrowed(
+        self, samples: FractalSamples
+    ) -> tuple[FractalSamples, Float[Array, " rays"]]:
+        """Keep what is between the altitudes at which the barriers shut.
+
+        Each ray has its own: clouds stand higher here than there, and reach farther up
+        where the mask is more certain of them.
+        """
+        if not self.movable:
+            return super().narrowed(samples)
+        f, placed = self.function, samples.placed
+        spread = jnp.sqrt(f.variance(self.ladders))
+        most = _FARTHEST * spread + f.mask_gain * samples.mask.values.max(-1)
+        lift = jnp.zeros_like(most)
+        if placed is not None:
+            rough = placed.roughness(self.response)
+            most = rough * most + (1 - rough) * f.margin
+            lift = placed.lift_m(self.response)
+        reach = f.reach_m(most - f.threshold)
+        first, last = samples.path.between(
+            f.base_m + lift - reach, f.top_m + lift + reach
+        )
+        return samples.within(first, last), first
 
     def sample(
         self, way: FractalPath, textures: NoiseOfRungs, *, steps: int, slopes: bool

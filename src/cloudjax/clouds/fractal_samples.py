@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.path import Path, Profile, to_points
+from cloudjax.geometry.path import Path, Profile, middles, to_points
 from cloudjax.weather.coarse_fields import Placed
 
 
@@ -63,6 +63,7 @@ class FractalSamples(eqx.Module):
       where it is marched as it was sampled.
     - `steps`: of the march that they were made for.
     - `placed`: what the clouds are like there, None where that is alike everywhere.
+    - `slopes_at`: as `at`, for the gradients.
     """
 
     path: Path
@@ -76,11 +77,33 @@ class FractalSamples(eqx.Module):
     at: Float[Array, "rays places"] | None
     steps: int = eqx.field(static=True)
     placed: Placed | None = None
+    slopes_at: Float[Array, "rays points"] | None = None
 
     def on(self, path: Path, at: Float[Array, "rays places"]) -> "FractalSamples":
         """Read them at parts of the chord, 0 to 1, as if at another path's steps."""
         mask = Profile(self.mask.at(at))
         return replace(self, path=path, mask=mask, gradients=None, up=None, at=at)
+
+    def within(
+        self,
+        first_m: Float[Array, " rays"],
+        last_m: Float[Array, " rays"],
+    ) -> "FractalSamples":
+        """Read them, and the slopes, on a part of the ways as on a whole one."""
+        path = self.path.part(first_m, last_m)
+        whole = jnp.maximum(self.path.length_m, 1.0)
+
+        def parts(count: int) -> Float[Array, "rays {count}"]:
+            at = first_m[:, None] + path.length_m[:, None] * middles(count)[None]
+            return at.astype(whole.dtype) / whole[:, None]
+
+        found = self.on(path, parts(self.steps))
+        if self.up is None:
+            return found
+        points = self.up.shape[-1]
+        up = jnp.moveaxis(path.up(path.distance_m(points)), 1, 0)
+        slopes_at = parts(points)
+        return replace(found, gradients=self.gradients, up=up, slopes_at=slopes_at)
 
     def fractal(self, amplitudes, steps: int) -> Float[Array, "rays {steps}"]:
         """Σ a_o N_o in the middle of equal steps."""
@@ -96,7 +119,10 @@ class FractalSamples(eqx.Module):
         total = jnp.zeros_like(self.up)
         for reading in self.gradients or ():
             total = total + reading.weighted(amplitudes, self.up.shape[-1])
-        return jnp.moveaxis(total, 1, 0)
+        axes = jnp.moveaxis(total, 1, 0)
+        if self.slopes_at is None:
+            return axes
+        return jnp.stack([Profile(axis).at(self.slopes_at) for axis in axes])
 
 
 def held_alike(samples: FractalSamples, held: tuple[int, ...]) -> FractalSamples:

@@ -5,9 +5,10 @@ A source answers four questions, in this order:
 1. `shell`, `likelihood`: where can its clouds be?
 2. `navigate` (host, float64) and `sample` (device): what does it need to know along the
    rays? Both depend on where the rays run and on no parameter of the clouds.
-3. `occupancy`: how much of each step is cloud? It depends on the samples and on every
-   parameter, so that all derivatives pass through it, and a view that was sampled once
-   serves all parameters.
+3. `narrowed`, `occupancy`: where on the ways can there be cloud now, and how much of
+   each step is? They depend on the samples and on every parameter, so that all
+   derivatives pass through them, and a view that was sampled once serves all
+   parameters.
 4. `branch`: the same ways as in 2, but along a secondary ray, for shadows.
 
 Masks, winds and whatever else says where the clouds of a source are belong to the
@@ -18,6 +19,7 @@ import abc
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from cloudjax.geometry.footprint import Sampling
@@ -96,6 +98,14 @@ class AbstractCloudSource(eqx.Module):
 
         **Arguments:** `samples`: or the ways.
         """
+
+    def narrowed(self, samples: Any) -> tuple[Any, Float[Array, " rays"]]:
+        """Leave out of the ways what the parameters leave no cloud on.
+
+        **Returns:** samples of what remains, and how far from the entry it begins [m].
+        A source whose shell is hardly larger than its cloud leaves all as it is.
+        """
+        return samples, jnp.zeros_like(samples.path.length_m)
 
     @abc.abstractmethod
     def sample(self, way: Any, textures: Any, *, steps: int, slopes: bool) -> Any:

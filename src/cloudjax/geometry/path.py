@@ -82,6 +82,37 @@ class Path(eqx.Module):
         position = start[..., None] + self.direction.T[..., None] * distance_m[None]
         return position / jnp.linalg.norm(position, axis=0)[None]
 
+    def between(
+        self, bottom_m: Float[Array, " rays"], top_m: Float[Array, " rays"]
+    ) -> tuple[Float[Array, " rays"], Float[Array, " rays"]]:
+        """Return the distances [m] from the entry between which a ray is in the air
+        between two altitudes [m], at most those of the chord.
+
+        A ray that turns within the chord is taken from the upper altitude to the same
+        again, whatever lies below the lower.
+        """
+        low, high = self.distance_to_m(jnp.stack([bottom_m, top_m], axis=-1)).T
+        turn = -self.radius_m * self._slope()
+        turns = (turn > 0) & (turn < self.length_m)
+        # The nearer place of an altitude and the farther one are as far from the turn.
+        low = jnp.where(turns, 2 * turn - high, low)
+        first, last = jnp.minimum(low, high), jnp.maximum(low, high)
+        return jnp.clip(first, 0, self.length_m), jnp.clip(last, 0, self.length_m)
+
+    def part(
+        self, first_m: Float[Array, " rays"], last_m: Float[Array, " rays"]
+    ) -> "Path":
+        """Return the part of the chords between two distances [m] from the entry."""
+        start = first_m[:, None]
+        altitude = self.altitude_m(start)[:, 0]
+        return Path(
+            length_m=last_m - first_m,
+            entry_altitude_m=altitude,
+            radius_m=self.radius_m + (altitude - self.entry_altitude_m),
+            direction=self.direction,
+            entry_up=self.up(start)[..., 0].T,
+        )
+
     def branch(
         self,
         distance_m: Float[Array, " rays"],

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from cloudjax.clouds.source import Occupancy
-from cloudjax.geometry.path import Path
+from cloudjax.geometry.path import Path, Profile
 
 from .alike import nothing_like, where_met
 from .march import March, march
@@ -29,16 +29,33 @@ class MarchedWay(eqx.Module):
     **Fields:**
 
     - `met`: whether cloud is likely on any ray.
+    - `path`: of the part of the way on which there can be cloud; `start_m`: how far
+      from the entry it begins, and `whole_m`: how long the whole way is.
+    - `distance_m`: of its steps, from there.
+    - `passed`: what they met.
     - `places`: where its steps lie on each of the other ways.
+    - `air`: temperature [K] along the whole way, None where the scene's serves.
     """
 
     layer: Layer
     met: Bool[Array, ""]
     path: Path
+    start_m: Float[Array, " rays"]
+    whole_m: Float[Array, " rays"]
     distance_m: Float[Array, "rays steps"]
-    air_k: Float[Array, "rays steps"] | None
     passed: March
     places: tuple[AbstractPlace | None, ...]
+    air: Profile | None
+
+    @property
+    def part(self) -> Float[Array, "rays steps"]:
+        """Where the steps are on the whole way, 0 to 1."""
+        distance = self.start_m[:, None] + self.distance_m
+        return distance / jnp.maximum(self.whole_m, 1.0)[:, None]
+
+    @property
+    def air_k(self) -> Float[Array, "rays steps"] | None:
+        return None if self.air is None else self.air.at(self.part)
 
     @property
     def altitude_m(self) -> Float[Array, "rays steps"]:
@@ -64,13 +81,20 @@ def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
     """March every way of a view, and find where each lies on the others."""
     shares = shares_of_ways(scene, view.samples, view.layer_of)
     layers = [scene.layers[i] for i in view.layer_of]
-    paths = [samples.path for samples in view.samples]
+    kept, begun = zip(
+        *(
+            layer.cloud.narrowed(samples)
+            for layer, samples in zip(layers, view.samples, strict=True)
+        ),
+        strict=True,
+    )
+    paths = [samples.path for samples in kept]
     distances = [
         path.distance_m(layer.steps) for layer, path in zip(layers, paths, strict=True)
     ]
     stretches = [
-        Stretch(start, path.length_m)
-        for start, path in zip(view.start_m, paths, strict=True)
+        Stretch(start + first, path.length_m)
+        for start, first, path in zip(view.start_m, begun, paths, strict=True)
     ]
 
     def places(i):
@@ -94,13 +118,15 @@ def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
             layer,
             (shares[i] > 0).any(),
             path,
+            begun[i],
+            view.samples[i].path.length_m,
             distances[i],
-            None if view.air_k is None else view.air_k[i].in_steps(layer.steps),
             march(_occupancy(layer, samples, shares[i]), path.length_m),
             tuple(places(i)),
+            None if view.air_k is None else view.air_k[i],
         )
         for i, (layer, samples, path) in enumerate(
-            zip(layers, view.samples, paths, strict=True)
+            zip(layers, kept, paths, strict=True)
         )
     ]
 

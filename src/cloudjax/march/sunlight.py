@@ -97,8 +97,7 @@ def _turning_part(way: MarchedWay) -> Float[Array, " rays"]:
     turned = jnp.exp(-returned * way.passed.cloud_m)
     weight = way.passed.mean(way.passed.segment_m * turned)
     total = jnp.maximum(weight.sum(-1), 1e-9)
-    distance = jnp.sum(weight * way.distance_m, axis=-1) / total
-    return distance / jnp.maximum(way.path.length_m, 1.0)
+    return jnp.sum(weight * way.part, axis=-1) / total
 
 
 def _before(
