@@ -186,3 +186,60 @@ def test_a_profile_in_its_own_steps_is_itself():
     profile = Profile(jnp.asarray([[1.0, 4.0, 2.0]]))
     assert profile.in_steps(3) is profile.values
     np.testing.assert_allclose(profile.at(jnp.asarray([[0.0, 1.0]])), [[1.0, 2.0]])
+
+
+def _altitudes(path: Path, distance) -> np.ndarray:
+    return np.asarray(path.altitude_m(distance[:, None])[:, 0])
+
+
+@pytest.mark.parametrize("upwards", [False, True], ids=["from above", "from below"])
+def test_a_path_between_altitudes_begins_and_ends_at_them(upwards):
+    rays = _disc()
+    chord = chords(rays, SHELL)
+    path = navigate(rays, chord)
+    turn = -np.asarray(path.radius_m * (path.direction * path.entry_up).sum(-1))
+    keep = (chord.length_m > 0) & (turn > chord.length_m)
+    path = jax.tree.map(lambda x: x[keep], path)
+    if upwards:
+        end = path.length_m[:, None]
+        path = Path(
+            path.length_m,
+            path.altitude_m(end)[:, 0],
+            path.radius_m + path.altitude_m(end)[:, 0] - path.entry_altitude_m,
+            -path.direction,
+            path.up(end)[..., 0].T,
+        )
+    rays = np.ones_like(path.length_m)
+    first, last = path.between(2e3 * rays, 5e3 * rays)
+    passed = np.sort([_altitudes(path, first), _altitudes(path, last)], axis=0)
+    assert passed.shape[1] > 1000
+    assert np.abs(passed - [[2e3], [5e3]]).max() < 1.0
+    part = path.part(first, last)
+    assert np.abs(part.length_m - (last - first)).max() < 0.1
+    middle = (first + last) / 2
+    there = _altitudes(part, part.length_m / 2)
+    assert np.abs(there - _altitudes(path, middle)).max() < 1.0
+
+
+def test_a_path_that_turns_is_between_altitudes_from_one_side_to_the_other():
+    rays = _limb()
+    chord = chords(rays, SHELL)
+    path = navigate(rays, chord)
+    turn = -np.asarray(path.radius_m * (path.direction * path.entry_up).sum(-1))
+    lowest = _altitudes(path, jnp.asarray(turn, jnp.float32))
+    keep = (turn > 0) & (turn < chord.length_m) & (lowest < 3e3)
+    path, turn = jax.tree.map(lambda x: x[keep], (path, turn))
+    assert keep.sum() > 50
+    rays = np.ones_like(path.length_m)
+    first, last = path.between(1e3 * rays, 5e3 * rays)
+    for end in first, last:
+        assert np.abs(_altitudes(path, end) - 5e3).max() < 5.0
+    assert np.abs((first + last) / 2 - turn).max() < 100.0
+
+
+def test_a_path_between_altitudes_out_of_its_shell_is_empty():
+    rays = _disc()
+    path = navigate(rays, chords(rays, SHELL))
+    one = np.ones_like(path.length_m)
+    first, last = path.between(13e3 * one, 14e3 * one)
+    assert np.abs(last - first).max() == 0

@@ -106,6 +106,9 @@ def _columns() -> ColumnCloud:
 
 SOURCES: dict[str, Callable[[], AbstractCloudSource]] = {
     "fractal": _fractal,
+    "movable fractal": lambda: dataclasses.replace(
+        _fractal(), movable=True, shell=Shell(100.0, 4e3)
+    ),
     "gridded": ft.partial(_gridded, periodic=False),
     "periodic": ft.partial(_gridded, periodic=True),
     "columns": _columns,

@@ -1,0 +1,93 @@
+"""Deep shells are marched only where the parameters leave cloud a chance."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+from cloudjax import EmittingSlabs, PlaneParallel, Scene, Shell, Slabs, look, radiances
+from tests.helpers import (
+    emissive_bands,
+    fractal_cloud,
+    geostationary_rays,
+    layer,
+    make_scene,
+    reflective_bands,
+    sun,
+)
+
+
+OF_BANDS = {
+    "co_albedo": [0.01],
+    "asymmetry": [0.85],
+    "thermal_co_albedo": [0.4],
+    "thermal_asymmetry": [0.9],
+    "extinction_per_m": 0.01,
+}
+DEEP = Shell(100.0, 12e3)
+
+
+def _scene(steps: int, *, movable: bool, paper: bool = False) -> Scene:
+    """Cloud of 1 km in a shell of 12 km."""
+    cloud = fractal_cloud(
+        DEEP, nodes=3, base_m=3000.0, top_m=4000.0, barrier_scale_m=250.0
+    )
+    scene = make_scene(
+        [layer(replace(cloud, movable=movable), steps=steps, **OF_BANDS)],
+        reflective_bands(1),
+        emissive_bands(13),
+    )
+    if paper:
+        return scene
+    networks = PlaneParallel.load()
+    return replace(scene, reflection=Slabs(networks), emission=EmittingSlabs(networks))
+
+
+def _seen(scene: Scene) -> np.ndarray:
+    view = look(scene, geostationary_rays(400), sun(40.0))
+    return np.asarray(scene.total(radiances(scene, view)), float)
+
+
+def _error(seen: np.ndarray, true: np.ndarray) -> np.ndarray:
+    return np.sqrt(((seen - true) ** 2).mean(1)) / true.std(1)
+
+
+@pytest.mark.parametrize("paper", [False, True], ids=["physical", "paper"])
+def test_few_steps_where_cloud_can_be_are_as_good_as_many_in_the_whole_shell(paper):
+    """Cloud of 1 km in a shell of 12 km from geostationary orbit, sun at 40 degrees.
+
+    The truth is the whole shell in 600 steps of 20 m. 48 steps where cloud can be (3 km)
+    err by less than 2 % of the standard deviation in each band (measured: physical 0.3
+    and 0.4, paper 1.2 and 0.4), and by less than a third of what 48 steps through the
+    whole shell err by.
+    """
+    true = _seen(_scene(600, movable=False, paper=paper))
+    narrowed = _error(_seen(_scene(48, movable=True, paper=paper)), true)
+    whole = _error(_seen(_scene(48, movable=False, paper=paper)), true)
+    assert narrowed.max() < 0.02
+    assert (narrowed < whole / 3).all()
+
+
+def test_narrowed_ways_follow_the_parameters():
+    """As above, the cloud 2 km higher than where the view was made.
+
+    A view is made once: what is marched must move with the barriers. The truth is a
+    view of the moved cloud, of 600 steps; tolerance 2 % of the standard deviation.
+    """
+    scene = _scene(48, movable=True)
+    view = look(scene, geostationary_rays(400), sun(40.0))
+
+    def moved(scene: Scene) -> Scene:
+        (one,) = scene.layers
+        function = replace(
+            one.cloud.function,
+            base_m=one.cloud.function.base_m + 2000.0,
+            top_m=one.cloud.function.top_m + 2000.0,
+        )
+        cloud = replace(one.cloud, function=function)
+        return replace(scene, layers=(replace(one, cloud=cloud),))
+
+    seen = np.asarray(scene.total(jax.jit(radiances)(moved(scene), view)), float)
+    true = _seen(moved(_scene(600, movable=False)))
+    assert _error(seen, true).max() < 0.02
