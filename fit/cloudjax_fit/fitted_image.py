@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from cloudjax import Scene
 from cloudjax_data import DataError
+from cloudjax_scenes.quality import Quality
 from cloudjax_scenes.simulated_image import SimulatedImage, simulate_image
 
 from .fit_inputs import FitInputs
@@ -16,11 +17,11 @@ from .settings import concerning
 
 
 def fitted_image(
-    inputs: FitInputs, *, shadows: int = 0
+    inputs: FitInputs, quality: Quality | None = None
 ) -> tuple[SimulatedImage, dict[str, float]]:
     """Simulate all pixels of a scene folder.
 
-    **Arguments:** `shadows`: steps towards the sun, 0 for no shadows.
+    **Arguments:** `quality`: of the render; by default as in fits.
 
     **Returns:** the image and all parameters that it was made with: those of
     `inputs.fitted`, and where it says nothing the settings' defaults.
@@ -29,7 +30,9 @@ def fitted_image(
     one a value beyond its bounds; for shadows with another light than the physical one.
     """
     values = fitted_values(inputs)
-    scene = fitted_scene(inputs, values, shadows=shadows)
+    quality = quality or Quality(steps=inputs.settings.fit.steps)
+    scene = fitted_scene(inputs, values, shadows=quality.shadows)
+    scene = quality.of_scene(scene)
     return simulate_image(scene, inputs.made_of), values
 
 

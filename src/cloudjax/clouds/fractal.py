@@ -40,6 +40,8 @@ from .source import AbstractCloudSource, Occupancy, Slopes
 _MOST_GROWTH = 4.0
 # Steps to each point at which gradients of the noise are sampled.
 _STEPS_PER_SLOPE = 3
+# At which a shell is read at least that has room for its cloud to move.
+_POINTS_OF_ROOM = 24
 # Standard deviations of all textures together, above which hardly any of them is.
 _FARTHEST = 3.0
 
@@ -194,7 +196,7 @@ class FractalCloud(AbstractCloudSource):
         return jnp.where(samples.path.length_m > 0, most, 0.0)
 
     def narrowed(
-        self, samples: FractalSamples
+        self, samples: FractalSamples, steps: int
     ) -> tuple[FractalSamples, Float[Array, " rays"]]:
         """Keep what is between the altitudes at which the barriers shut.
 
@@ -202,7 +204,7 @@ class FractalCloud(AbstractCloudSource):
         where the mask is more certain of them.
         """
         if not self.movable:
-            return super().narrowed(samples)
+            return super().narrowed(samples, steps)
         f, placed = self.function, samples.placed
         spread = jnp.sqrt(f.variance(self.ladders))
         most = _FARTHEST * spread + f.mask_gain * samples.mask.values.max(-1)
@@ -215,12 +217,17 @@ class FractalCloud(AbstractCloudSource):
         first, last = samples.path.between(
             f.base_m + lift - reach, f.top_m + lift + reach
         )
-        return samples.within(first, last), first
+        return samples.within(first, last, steps), first
 
     def sample(
         self, way: FractalPath, textures: NoiseOfRungs, *, steps: int, slopes: bool
     ) -> FractalSamples:
-        """Read the rungs along the ways, as often as they can change."""
+        """Read the rungs along the ways, as often as they can change.
+
+        Where only a part of the ways will be marched, the steps do not tell how often.
+        """
+        if self.movable and way.path.ends_m is None:
+            steps = max(steps, _POINTS_OF_ROOM)
         pixel = self.pixel(way, steps)
         amplitude, lost, slope = kept(textures.wavenumbers, textures.powers, pixel)
         reader = RungReader(way, textures, amplitude, self._ladder_of)

@@ -61,7 +61,7 @@ class FractalSamples(eqx.Module):
       where no slopes are asked.
     - `at`: parts of the chord, 0 to 1, at which the fractal is read once more; None
       where it is marched as it was sampled.
-    - `steps`: of the march that they were made for.
+    - `steps`: of the march that they were made for, or points in as many equal parts.
     - `placed`: what the clouds are like there, None where that is alike everywhere.
     - `slopes_at`: as `at`, for the gradients.
     """
@@ -88,8 +88,9 @@ class FractalSamples(eqx.Module):
         self,
         first_m: Float[Array, " rays"],
         last_m: Float[Array, " rays"],
+        steps: int,
     ) -> "FractalSamples":
-        """Read them, and the slopes, on a part of the ways as on a whole one."""
+        """Read them, and the slopes, at equal steps of a part of the ways."""
         path = self.path.part(first_m, last_m)
         whole = jnp.maximum(self.path.length_m, 1.0)
 
@@ -97,7 +98,7 @@ class FractalSamples(eqx.Module):
             at = first_m[:, None] + path.length_m[:, None] * middles(count)[None]
             return at.astype(whole.dtype) / whole[:, None]
 
-        found = self.on(path, parts(self.steps))
+        found = self.on(path, parts(steps))
         if self.up is None:
             return found
         points = self.up.shape[-1]

@@ -99,12 +99,15 @@ class AbstractCloudSource(eqx.Module):
         **Arguments:** `samples`: or the ways.
         """
 
-    def narrowed(self, samples: Any) -> tuple[Any, Float[Array, " rays"]]:
+    def narrowed(self, samples: Any, steps: int) -> tuple[Any, Float[Array, " rays"]]:
         """Leave out of the ways what the parameters leave no cloud on.
+
+        **Arguments:** `steps`: of the march through what remains.
 
         **Returns:** samples of what remains, and how far from the entry it begins [m].
         A source whose shell is hardly larger than its cloud leaves all as it is.
         """
+        del steps
         return samples, jnp.zeros_like(samples.path.length_m)
 
     @abc.abstractmethod

@@ -83,7 +83,7 @@ def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
     layers = [scene.layers[i] for i in view.layer_of]
     kept, begun = zip(
         *(
-            layer.cloud.narrowed(samples)
+            layer.cloud.narrowed(samples, layer.steps)
             for layer, samples in zip(layers, view.samples, strict=True)
         ),
         strict=True,
