@@ -3,7 +3,7 @@
 import functools as ft
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import click
@@ -82,15 +82,18 @@ class Choice:
             )
 
     @classmethod
-    def of(cls, options: Mapping[str, Any], kind: str, pixels: int) -> Self:
+    def of(
+        cls, options: Mapping[str, Any], standard: Any, kind: str, pixels: int
+    ) -> Self:
         """Choose by the options, and say what was chosen and why.
 
-        **Arguments:** `kind`: of scene; `pixels`: that see the Earth.
+        **Arguments:** `standard`: the quality where nothing is asked; `kind`: of scene;
+        `pixels`: that see the Earth.
 
         **Raises:** `click.UsageError` for options that contradict each other;
         `DataError` where nothing measured is good or quick enough.
         """
-        from cloudjax_scenes.quality import QUALITIES, Quality
+        from cloudjax_scenes.quality import QUALITIES
         from cloudjax_scenes.trade.fronts import front_for
 
         name, error, seconds = (
@@ -104,9 +107,8 @@ class Choice:
         shadows = options["shadows"]
         if not asked:
             given = {key: options[key] for key in by_hand}
-            return cls(
-                Quality(scattering=options["scattering"], shadows=shadows, **given)
-            )
+            given |= {"scattering": options["scattering"], "shadows": shadows}
+            return cls(replace(standard, **given))
         if name is not None:
             return cls(QUALITIES[name].with_shadows(shadows))
         front, source = front_for(kind)

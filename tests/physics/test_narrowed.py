@@ -57,23 +57,20 @@ def _error(seen: np.ndarray, true: np.ndarray) -> np.ndarray:
 def test_few_steps_where_cloud_can_be_are_as_good_as_many_in_the_whole_shell(paper):
     """Cloud of 1 km in a shell of 12 km from geostationary orbit, sun at 40 degrees.
 
-    The truth is the whole shell in 600 steps of 20 m. 48 steps where cloud can be (3 km)
-    err by less than 2 % of the standard deviation in each band (measured: physical 0.3
-    and 0.4, paper 1.2 and 0.4), and by less than a third of what 48 steps through the
-    whole shell err by.
+    The truth is the whole shell in 600 steps of 20 m. 48 steps where cloud can be, of
+    some 60 m, err by less than 0.5 % of the standard deviation in each band (measured:
+    0.06 to 0.12 %). 48 steps through the whole shell err by 4 to 9 %.
     """
     true = _seen(_scene(600, movable=False, paper=paper))
-    narrowed = _error(_seen(_scene(48, movable=True, paper=paper)), true)
-    whole = _error(_seen(_scene(48, movable=False, paper=paper)), true)
-    assert narrowed.max() < 0.02
-    assert (narrowed < whole / 3).all()
+    narrowed = _seen(_scene(48, movable=True, paper=paper))
+    assert _error(narrowed, true).max() < 0.005
 
 
 def test_narrowed_ways_follow_the_parameters():
     """As above, the cloud 2 km higher than where the view was made.
 
     A view is made once: what is marched must move with the barriers. The truth is a
-    view of the moved cloud, of 600 steps; tolerance 2 % of the standard deviation.
+    view of the moved cloud, of 600 steps; tolerance 0.5 % of the standard deviation.
     """
     scene = _scene(48, movable=True)
     view = look(scene, geostationary_rays(400), sun(40.0))
@@ -90,4 +87,4 @@ def test_narrowed_ways_follow_the_parameters():
 
     seen = np.asarray(scene.total(jax.jit(radiances)(moved(scene), view)), float)
     true = _seen(moved(_scene(600, movable=False)))
-    assert _error(seen, true).max() < 0.02
+    assert _error(seen, true).max() < 0.005
