@@ -4,7 +4,7 @@ import functools as ft
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any
 
 import click
 
@@ -84,7 +84,7 @@ class Choice:
     @classmethod
     def of(
         cls, options: Mapping[str, Any], standard: Any, kind: str, pixels: int
-    ) -> Self:
+    ) -> "Choice":
         """Choose by the options, and say what was chosen and why.
 
         **Arguments:** `standard`: the quality where nothing is asked; `kind`: of scene;

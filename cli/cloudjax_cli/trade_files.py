@@ -1,5 +1,6 @@
 """What `cloudjax tradeoff` says and writes. Imports all that it needs."""
 
+import functools as ft
 import json
 import time
 from pathlib import Path
@@ -10,7 +11,7 @@ from cloudjax_data.whole_files import write_text_whole
 from cloudjax_scenes.trade.fronts import Front, Machine, keep
 from cloudjax_scenes.trade.page import trade_page
 from cloudjax_scenes.trade.sweep import Sweep
-from cloudjax_scenes.trade.trial import Subject, Trial
+from cloudjax_scenes.trade.trial import Subject, Trial, rendered
 
 
 def gathered(subject: Subject, sweep: Sweep) -> Front | None:
@@ -21,7 +22,7 @@ def gathered(subject: Subject, sweep: Sweep) -> Front | None:
     end = time.perf_counter() + sweep.budget_s
     trials: list[Trial] = []
     try:
-        for trial in sweep.trials(subject):
+        for trial in sweep.trials(ft.partial(rendered, subject)):
             trials.append(trial)
             left = max(end - time.perf_counter(), 0)
             click.echo(f"{_said(trial)}; {left:.0f} s left")

@@ -1,7 +1,7 @@
 """How well a scene is rendered: the knobs that cost time and buy accuracy."""
 
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from cloudjax import FractalCloud, Latent, Layer, Scene
 from cloudjax_data import DataError
@@ -62,7 +62,7 @@ class Quality:
             cloud = replace(cloud, latent=Latent.gauss_hermite(self.nodes))
         return replace(layer, steps=self.steps, cloud=cloud)
 
-    def with_shadows(self, steps: int) -> Self:
+    def with_shadows(self, steps: int) -> "Quality":
         """Return the same quality with other shadows."""
         return replace(self, shadows=steps)
 

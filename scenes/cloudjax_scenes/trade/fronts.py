@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -137,7 +137,7 @@ class Front:
         return asdict(self) | {"front": [t.quality.words for t in self.best]}
 
     @classmethod
-    def of_json(cls, data: dict[str, Any]) -> Self:
+    def of_json(cls, data: dict[str, Any]) -> "Front":
         """Read what `json` gave.
 
         **Raises:** `KeyError`, `TypeError` or `ValueError` for anything else.

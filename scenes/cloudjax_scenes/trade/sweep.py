@@ -8,7 +8,7 @@ measured is farthest.
 
 import itertools as it
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from cloudjax import FractalCloud, Scene
 from cloudjax_scenes.quality import REFERENCE, STANDARD, Quality
 
-from .trial import Subject, Trial, rendered
+from .trial import Rendered, Subject, Trial
 
 
 _STEPS = (3, 6, 12, 24, 48)
@@ -71,20 +71,23 @@ class Sweep:
             reference = replace(reference, shadows=max(shadows, _REFERENCE_SHADOWS))
         return Sweep(budget_s, menu_of(subject.scene(standard)), standard, reference)
 
-    def trials(self, subject: Subject) -> Iterator[Trial]:
+    def trials(self, rendered: Callable[[Quality], Rendered]) -> Iterator[Trial]:
         """Yield the reference, which has no error, then each trial as it is measured.
 
         The reference and the standard are measured whatever the budget.
+
+        **Arguments:** `rendered`: renders at a quality, such as `trial.rendered` of a
+        subject.
         """
         end = time.perf_counter() + self.budget_s
-        truth = rendered(subject, self.reference)
+        truth = rendered(self.reference)
         yield truth.against(truth)
         found: list[Trial] = []
         while True:
             chosen = self._next(found)
             if chosen is None or (found and not _fits(found, end)):
                 return
-            found.append(rendered(subject, chosen).against(truth))
+            found.append(rendered(chosen).against(truth))
             yield found[-1]
 
     def _next(self, found: Sequence[Trial]) -> Quality | None:
