@@ -98,6 +98,7 @@ def write_film(path: str | os.PathLike[str], frames: Sequence[Frame]) -> None:
         staged(path.parent) as aside,
         writer.saving(picture.figure, str(aside / path.name), dpi=_DPI),
     ):
-        for frame in frames:
+        writer.grab_frame()
+        for frame in frames[1:]:
             picture.show(frame.bands, frame.title)
             writer.grab_frame()

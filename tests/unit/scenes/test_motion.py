@@ -9,6 +9,8 @@ import pytest
 from cloudjax import CoverMask, FractalCloud, cloud_classes, nominal_bands
 from cloudjax.geometry.geodesy import up
 from cloudjax_data import WeatherSeries, read_weather
+from cloudjax_scenes.sensor_image import render_sensor
+from cloudjax_scenes.sensors import read_sensor
 from cloudjax_scenes.weather_decision import AllEvidence, Table1
 from cloudjax_scenes.weather_scene import World
 from tests.generated_grib import write_grib
@@ -26,13 +28,17 @@ SPEED_M_S = np.radians(TURN_DEG) * RADIUS_M / (3600 * HOURS)
 BAND = nominal_bands()[2]
 
 
-def write(path, turned_deg, time, speed_m_s=SPEED_M_S):
+def write(path, turned_deg, time, speed_m_s=SPEED_M_S, driest=40.0):
     """Moist air at every 60th meridian, turned eastward."""
     φ, λ = np.radians(np.meshgrid(LATITUDE, LONGITUDE, indexing="ij"))
     moist = np.exp(8 * (np.cos(6 * (λ - np.radians(turned_deg))) - 1)) * np.cos(φ)
     fields = {}
     for level, height in LEVELS.items():
-        values = {"gh": height, "t": 300 - 7e-3 * height, "r": 40 + 55 * moist}
+        values = {
+            "gh": height,
+            "t": 300 - 7e-3 * height,
+            "r": driest + (95 - driest) * moist,
+        }
         values |= {"w": -0.3, "u": speed_m_s * np.cos(φ), "v": 0.0}
         fields |= {
             (name, level): np.broadcast_to(np.asarray(v, float), φ.shape)
@@ -161,3 +167,29 @@ def test_maps_that_are_carried_on_are_as_fresh_ones(series):
     exact = drifts(cloud_of(aged, time))[0]
     way = np.linalg.norm(exact, axis=-1)
     assert (np.linalg.norm(carried - exact, axis=-1) < 0.01 * way).all()
+
+
+@pytest.mark.slow
+def test_nothing_pops_in_a_film(tmp_path):
+    """Where a generation begins anew, after 2 and 4 hours, and at an analysis, after 3,
+    pixels change no more from frame to frame than elsewhere.
+    """
+    slow, later = SPEED_M_S / 10, TIME + timedelta(hours=HOURS)
+    cubes = (
+        write(tmp_path / "a", 0.0, TIME, slow, 91.0),
+        write(tmp_path / "b", TURN_DEG / 10, later, slow, 91.0),
+    )
+    short = [dataclasses.replace(t, displacement_hours=1.0) for t in STRATUS.textures]
+    made = world(WeatherSeries.of(cubes), AllEvidence(), textures=tuple(short))
+    made = dataclasses.replace(made, steps=6)
+    sensor = read_sensor("abi-meso-10km", centre=(5.0, -65.0))
+    bands = sensor.choose((13,))
+    images = np.array(
+        [
+            render_sensor(made, sensor, bands, time, winds).radiance[13]
+            for time, winds in made.frames(TIME + timedelta(hours=3), 31, 10.0)
+        ]
+    )
+    change = np.sqrt(np.nanmean(np.diff(images, axis=0) ** 2, axis=(1, 2)))
+    assert change.max() < 1.15 * np.median(change)
+    assert np.median(change) < 0.5 * np.nanstd(images)
