@@ -67,5 +67,5 @@ def low_cloud_fraction(generated: bool) -> tuple[np.ndarray, str]:
 
     world = open_world(files, decision="table1")
     start = world.series.times[0]
-    fraction = np.nan_to_num(world.fractions(start)[CLASS])
+    fraction = np.nan_to_num(world.fractions[0][CLASS])
     return fraction, f"The weather mask is that of GFS, {start:%F %H} UTC."

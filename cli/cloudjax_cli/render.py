@@ -17,7 +17,7 @@ from .options import (
 
 
 _OF_SCENES = ("parameters", "ignore_weather")
-_OF_SENSORS = ("time", "longitude", "centre", "place", "decision")
+_OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
 
 
 @click.command()
@@ -69,6 +69,11 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision")
     default=30.0,
     help="Sensor: between frames.",
 )
+@click.option(
+    "--animation",
+    type=click.Choice(["webp", "gif", "mp4"]),
+    help="Sensor: also a film of the frames, OUT.webp and so on; mp4 needs ffmpeg.",
+)
 @classes_option
 @click.option("--longitude", type=float, help="Sensor: of an ABI's satellite.")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
@@ -80,7 +85,7 @@ def render(target, output, bands, weather, wrf, **options) -> None:
     or a TOML file; clouds, winds and ground come from --weather, or from --wrf.
 
     Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
-    and so on.
+    and so on, and with --animation a film of them.
     """
     path = _writable(output)
     if not Path(target).is_dir():
@@ -154,6 +159,7 @@ def _render_sensor(sensor: str, path: Path, bands, weather, wrf, options) -> Non
     )
     chosen = view.choose(bands)
     quantities = chosen_quantities(options["quantities"], chosen)
+    _require_film(options)
     if wrf:
         if weather:
             raise click.UsageError("clouds come from --weather or --wrf: give one")
@@ -166,6 +172,17 @@ def _render_sensor(sensor: str, path: Path, bands, weather, wrf, options) -> Non
     refuse(("place",), options, "the place of an ideal run is for --wrf")
     world = _world(weather, options)
     _render_frames(world, view, chosen, path, options, quantities)
+
+
+def _require_film(options) -> None:
+    """End before any work where a film cannot be written."""
+    if options["animation"] is None:
+        return
+    from cloudjax_scenes.film import FORMATS
+
+    if options["frames"] == 1:
+        raise click.UsageError("one image is no film: give --frames, such as 12")
+    FORMATS[options["animation"]].require()
 
 
 def _render_model(wrf, view, chosen, path: Path, options, quantities) -> None:
@@ -206,6 +223,7 @@ def _world(weather, options):
 
 
 def _render_frames(world, view, chosen, path, options, quantities) -> None:
+    from cloudjax_scenes.film import write_film
     from cloudjax_scenes.image_strips import render_strips, write_strips
 
     from .progress import tile_progress
@@ -214,12 +232,17 @@ def _render_frames(world, view, chosen, path, options, quantities) -> None:
     start = options["time"] or world.series.times[0]
     require_near(start, world)
     require_near(start + timedelta(minutes=(frames - 1) * options["minutes"]), world)
+    film = []
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
         file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
         with tile_progress(file.name) as on_tile:
             images = render_strips(world, view, chosen, time, air, on_tile=on_tile)
-            write_strips(file, images, world, quantities)
+            film.append(write_strips(file, images, world, quantities))
         click.echo(f"{file} and {file.with_suffix('.png')}")
+    if options["animation"] is not None:
+        file = path.with_suffix(f".{options['animation']}")
+        write_film(file, film)
+        click.echo(file)
 
 
 def require_near(time: datetime, world) -> None:

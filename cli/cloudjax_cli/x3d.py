@@ -4,8 +4,14 @@ from pathlib import Path
 
 import click
 
-from .options import Time, classes_option, decision_option, ignore_weather_option
-from .render import Place, refuse, require_near
+from .options import (
+    Place,
+    Time,
+    classes_option,
+    decision_option,
+    ignore_weather_option,
+)
+from .render import refuse, require_near
 
 
 class SunPlace(Place):

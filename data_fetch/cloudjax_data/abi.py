@@ -14,7 +14,7 @@ from cloudjax.geometry.fixed_grid import FixedGrid
 
 from .abi_calibration import read_calibration
 from .abi_grid import read_fixed_grid
-from .abi_identity import read_identity
+from .abi_identity import AbiIdentity, read_identity
 from .abi_image import PackedImage, check_extremes, packed_image
 from .calibration import Calibration
 from .errors import DataError
@@ -107,35 +107,29 @@ def read_band(
     blocks.
     """
     path = Path(path)
-    best = CONDITIONALLY_USABLE if keep_conditionally_usable else GOOD
     with netcdf_file(path) as file:
         number, suffix = _which_band(file, path, band)
         packed, flags = _planes(file, suffix)
         identity = read_identity(file, path, number)
-        calibration, notes = read_calibration(
-            file, path, suffix, number, identity.platform, identity.start
-        )
-        image = packed_image(path, packed, number, calibration)
+        image, notes = _calibrated(file, path, suffix, number, packed, identity)
         grid = read_fixed_grid(file)
         part = image_part(path, grid.shape, window, block)
+        best = CONDITIONALLY_USABLE if keep_conditionally_usable else GOOD
         radiance, good, impossible = _image(image, flags, grid, part, best)
-        check_extremes(file, path, suffix, radiance, calibration)
-        read = AbiBand(
-            number=number,
-            wavelength_um=_wavelength(file, path, number, suffix),
-            radiance=radiance,
-            good=good,
-            grid=_part_of_grid(grid, part),
-            calibration=calibration,
-            path=path,
-            platform=identity.platform,
-            orbital_slot=identity.orbital_slot,
-            sector=identity.sector,
-            start=identity.start,
-            end=identity.end,
-            notes=notes + _impossible(path, number, impossible, good),
+        check_extremes(file, path, suffix, radiance, image.calibration)
+        return _from_north_west(
+            AbiBand(
+                number=number,
+                wavelength_um=_wavelength(file, path, number, suffix),
+                radiance=radiance,
+                good=good,
+                grid=_part_of_grid(grid, part),
+                calibration=image.calibration,
+                path=path,
+                **vars(identity),
+                notes=notes + _impossible(path, number, impossible, good),
+            )
         )
-    return _from_north_west(read)
 
 
 def bands_of(file: netCDF4.Dataset) -> list[int]:
@@ -187,6 +181,21 @@ def _planes(file: netCDF4.Dataset, suffix: str) -> tuple[ImagePlane, ImagePlane]
             f"{packed.shape}: download it again."
         )
     return packed, flags
+
+
+def _calibrated(
+    file: netCDF4.Dataset,
+    path: Path,
+    suffix: str,
+    number: int,
+    plane: ImagePlane,
+    identity: AbiIdentity,
+) -> tuple[PackedImage, tuple[str, ...]]:
+    """The image with its calibration, and what had to be assumed for it."""
+    calibration, notes = read_calibration(
+        file, path, suffix, number, identity.platform, identity.start
+    )
+    return packed_image(path, plane, number, calibration), notes
 
 
 def _image(

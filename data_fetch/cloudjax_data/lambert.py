@@ -36,12 +36,6 @@ class LambertConic:
         one = np.radians(self.latitude_1_deg)
         return float(np.cos(one) * np.tan(np.pi / 4 + one / 2) ** self.cone)
 
-    def unwrapped(
-        self, longitude_deg: Float64[np.ndarray, "*points"]
-    ) -> Float64[np.ndarray, "*points"]:
-        """Return longitudes within 180° of the central meridian, without a jump."""
-        return self.longitude_deg + self._from_centre(longitude_deg)
-
     def rotation_rad(
         self, longitude_deg: Float64[np.ndarray, "*points"]
     ) -> Float64[np.ndarray, "*points"]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
-import xarray as xr
 from jaxtyping import Float
 
 from .errors import DataError
@@ -73,30 +72,19 @@ class WeatherSeries:
         )
         return east, north
 
-    def at_altitude(self, altitude_m: float, time: datetime) -> xr.Dataset:
-        """Return the variables at an altitude and a time, linear between the two next
-        to it.
+    def weights(self, time: datetime) -> list[tuple[int, float]]:
+        """Return the analyses next to a time, by index, and how much each counts.
 
-        Before the first and after the last time, that one's. Optional variables that
-        one of the two lacks are left out.
+        Weights are linear in time and add up to 1. Before the first and after the last
+        time, that one counts alone.
         """
         seconds = self.seconds_from(time)
         after = int(np.searchsorted(seconds, 0.0))
-        if after == 0 or after == len(seconds):
-            return self.cubes[min(after, len(seconds) - 1)].at_altitude(altitude_m)
-        weight = -seconds[after - 1] / (seconds[after] - seconds[after - 1])
-        early, late = (
-            self.cubes[i].at_altitude(altitude_m) for i in (after - 1, after)
-        )
-        common = [name for name in early.data_vars if name in late.data_vars]
-        blend = {
-            name: early[name].copy(
-                data=early[name].to_numpy()
-                + np.float32(weight) * (late[name].to_numpy() - early[name].to_numpy())
-            )
-            for name in common
-        }
-        return early[common].assign(blend)
+        last = len(seconds) - 1
+        if after in (0, last + 1) or seconds[after] == 0:
+            return [(min(after, last), 1.0)]
+        weight = float(-seconds[after - 1] / (seconds[after] - seconds[after - 1]))
+        return [(after - 1, 1 - weight), (after, weight)]
 
 
 def _same_grid(one: WeatherCube, other: WeatherCube) -> bool:

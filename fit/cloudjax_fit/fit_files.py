@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cloudjax import Layer, ParticleOptics
-from cloudjax.march.products import VISIBLE_DEPTH
+from cloudjax.clouds.visibility import VISIBLE_DEPTH
 from cloudjax_data.whole_files import staged
 from cloudjax_scenes.band_image import BandImage
 from cloudjax_scenes.image_file import image_dataset

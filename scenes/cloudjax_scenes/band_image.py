@@ -107,6 +107,56 @@ def chosen_quantities(
     return tuple(q for q in QUANTITIES.values() if q.name in names)
 
 
+class BandPicture:
+    """A `BandPicture` is a figure of one grey panel per band: white is bright, or cold.
+
+    **Arguments:**
+
+    - `panel_inches`: width of a panel.
+    - `missing`: the colour of pixels without radiance.
+    - `ranges`: of the shades of each panel; by default what the images hold.
+    """
+
+    def __init__(
+        self,
+        images: Sequence[BandImage],
+        title: str,
+        *,
+        panel_inches: float,
+        missing: str,
+        ranges: Sequence[tuple[float, float]] | None = None,
+    ):
+        rows, columns = images[0].radiance.shape
+        height = 0.92 * panel_inches * min(max(rows / columns, 0.3), 2.0)
+        size = panel_inches * len(images), height + 0.6
+        self.figure = Figure(figsize=size, layout="compressed")
+        panels = self.figure.subplots(1, len(images), squeeze=False)[0]
+        ranges = (
+            [shade_range([image]) for image in images] if ranges is None else ranges
+        )
+        self._drawn = [
+            self._draw(*panel, missing)
+            for panel in zip(panels, images, ranges, strict=True)
+        ]
+        self._title = self.figure.suptitle(title, fontsize=11)
+
+    def _draw(self, axes, image: BandImage, limits: tuple[float, float], missing: str):
+        how, (low, high) = image.display, limits
+        shades = matplotlib.colormaps[how.colormap].with_extremes(bad=missing)
+        drawn = axes.imshow(image.shown, cmap=shades, vmin=low, vmax=high)
+        axes.set_title(image.title, fontsize=10)
+        axes.set_xticks([])
+        axes.set_yticks([])
+        self.figure.colorbar(drawn, ax=axes, label=how.label, fraction=0.046, pad=0.02)
+        return drawn
+
+    def show(self, images: Sequence[BandImage], title: str) -> None:
+        """Put other images of the same bands and sizes in their places."""
+        for drawn, image in zip(self._drawn, images, strict=True):
+            drawn.set_data(image.shown)
+        self._title.set_text(title)
+
+
 def write_band_picture(
     path: str | os.PathLike[str],
     images: Sequence[BandImage],
@@ -115,36 +165,22 @@ def write_band_picture(
     panel_inches: float,
     missing: str,
 ) -> None:
-    """Write one grey panel per band as PNG: white is bright, or cold.
+    """Write a `BandPicture` as PNG; arguments as of that."""
+    picture = BandPicture(images, title, panel_inches=panel_inches, missing=missing)
+    how = {"dpi": 130, "bbox_inches": "tight", "metadata": {"Software": None}}
+    picture.figure.savefig(path, **how)
 
-    **Arguments:** `missing`: the colour of pixels without radiance.
-    """
-    rows, columns = images[0].radiance.shape
-    height = 0.92 * panel_inches * min(max(rows / columns, 0.3), 2.0)
-    size = panel_inches * len(images), height + 0.6
-    figure = Figure(figsize=size, layout="compressed")
-    panels = figure.subplots(1, len(images), squeeze=False)[0]
-    for axes, image in zip(panels, images, strict=True):
-        how, values = image.display, image.shown
-        shades = matplotlib.colormaps[how.colormap].with_extremes(bad=missing)
-        low, high = _shade_range(values, how)
-        drawn = axes.imshow(values, cmap=shades, vmin=low, vmax=high)
-        axes.set_title(image.title, fontsize=10)
-        axes.set_xticks([])
-        axes.set_yticks([])
-        figure.colorbar(drawn, ax=axes, label=how.label, fraction=0.046, pad=0.02)
-    figure.suptitle(title, fontsize=11)
-    figure.savefig(path, dpi=130, bbox_inches="tight", metadata={"Software": None})
+
+def shade_range(images: Sequence[BandImage]) -> tuple[float, float]:
+    """Find the values from black to white, or back, of images of one band."""
+    values = np.concatenate([image.shown.ravel() for image in images])
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return 0.0, 1.0
+    low, high = (float(x) for x in np.percentile(known, [0.5, 99.5]))
+    return (low, high) if images[0].display.thermal else (0.0, max(high, 0.05))
 
 
 def _quantities_of(band: Band) -> tuple[Quantity, ...]:
     shown = REFLECTANCE if band.reflective else BRIGHTNESS_TEMPERATURE
     return QUANTITIES["radiance"], shown
-
-
-def _shade_range(values, how: Display) -> tuple[float, float]:
-    known = values[np.isfinite(values)]
-    if not known.size:
-        return 0.0, 1.0
-    low, high = np.percentile(known, [0.5, 99.5])
-    return (low, high) if how.thermal else (0.0, max(high, 0.05))

@@ -17,18 +17,20 @@ from cloudjax import Band, FixedGrid
 from cloudjax_data.whole_files import staged
 
 from .band_image import BandImage
+from .film import Frame
 from .model_scene import ModelWorld
 from .netcdf import disk_errors, write_netcdf
 from .quantity import RADIANCE, Quantity
 from .sensor_image import SensorImage, render_sensor, sensor_dataset, write_picture
 from .sensors import Sensor
-from .weather_scene import Winds, World
+from .weather_scene import World
+from .winds import Winds
 
 
 # Some 600 MB with the rays of all pixels in float64.
 PIXELS_AT_ONCE = 1 << 20
-# A picture has no more rows or columns than this.
-PICTURE_PIXELS = 1500
+# A picture has no more columns than this, and a film, whose frames are all held.
+PICTURE_PIXELS, FILM_PIXELS = 1500, 600
 _CHUNK = 512
 
 
@@ -81,10 +83,12 @@ def write_strips(
     images: Iterable[SensorImage],
     world: World | ModelWorld,
     quantities: Sequence[Quantity] = (RADIANCE,),
-) -> None:
+) -> Frame:
     """Write strips from the top down as one CF netCDF file, and a PNG beside it.
 
     Of large images the picture shows every so many pixels.
+
+    **Returns:** what a film shows of it.
 
     **Raises:** `DataError` if the disk does not take them.
     """
@@ -96,10 +100,11 @@ def write_strips(
             strip = sensor_dataset(image, world, quantities)
             write = _append if shown else _begin
             write(aside / path.name, strip)
-            shown.append([_thinned(band) for band in image.bands()])
+            shown.append([_thinned(band, PICTURE_PIXELS) for band in image.bands()])
             title = image.title
         bands = [_joined(parts) for parts in zip(*shown, strict=True)]
         write_picture(aside / path.with_suffix(".png").name, bands, title)
+    return Frame(title, tuple(_thinned(band, FILM_PIXELS) for band in bands))
 
 
 def _begin(file: Path, strip: xr.Dataset) -> None:
@@ -121,9 +126,9 @@ def _append(file: Path, strip: xr.Dataset) -> None:
                 whole[str(name)][start:] = variable.to_numpy()
 
 
-def _thinned(band: BandImage) -> BandImage:
+def _thinned(band: BandImage, most: int) -> BandImage:
     """Every so many pixels of a strip, by the width that it shares with the whole."""
-    every = max(-(-band.radiance.shape[1] // PICTURE_PIXELS), 1)
+    every = max(-(-band.radiance.shape[1] // most), 1)
     return dataclasses.replace(band, radiance=band.radiance[::every, ::every])
 
 

@@ -93,51 +93,54 @@ def reduce_scene(
     cloud pixels, or if no pixel is clear and nothing else tells what is below.
     """
     scene = scene.on_common_grid(bands)
-    images = {number: band.radiance for number, band in scene.bands.items()}
-    grid = scene.grid
-    good = _good(scene, grid)
-    day = _is_light(scene, grid)
-    rule = _rule(scene, day) if rule is None else rule
-    reflectance, kelvin = _shown(scene)
-    cloud = rule.select(reflectance, kelvin) & good
-    if cloud.sum() < fewest_cloud_pixels:
-        raise DataError(
-            f"{_folder(scene)} holds {cloud.sum()} cloud pixels ({rule}), and a fit "
-            f"needs {fewest_cloud_pixels}: choose another scene or another rule."
-        )
+    good, day = _good(scene, scene.grid), _is_light(scene, scene.grid)
+    pixels = _pixels(scene, good, rule or _rule(scene, day), fewest_cloud_pixels)
     known = {n: _band(band, day) for n, band in scene.bands.items()}
-    clear = clear_pixels(grid, good & ~cloud, reflectance)
+    clear = clear_pixels(scene.grid, good & ~pixels.cloud, pixels.reflectance)
     background, notes = _background(scene, good, clear, known, weather)
-    shown = Shown(
-        good,
-        cloud,
-        good & ~cloud & ~clear.sure,
-        reflectance.get(rule.bright_band) if rule.bright_band else None,
-        kelvin.get(rule.cold_band) if rule.cold_band else None,
-    )
+    shown = pixels.shown(clear)
     classes = imagery_classes() if classes is None else classes
     told = tell_classes(shown, classes)
-    cells = Cells.covering(grid, good, CELL_PIXELS)
-    fractions = {
-        name: _fraction(cells, grid, _altitude_m(classes[name]), pixels)
-        for name, pixels in told.items()
-    }
+    cells = Cells.covering(scene.grid, good, CELL_PIXELS)
     imagery = Imagery(
         name=_folder(scene),
         platform=scene.platform,
         time=scene.time,
-        grid=grid,
-        rule=rule,
+        grid=scene.grid,
+        rule=pixels.rule,
         bands=known,
         earth_sun_distance_au=earth_sun_distance_au(scene.time),
         latitude_deg=cells.latitude_deg,
         longitude_deg=cells.longitude_deg,
-        fractions=fractions,
+        fractions=_fractions(cells, scene.grid, told, classes),
         background=background,
         notes=(*scene.notes, *notes),
     )
-    evidence = _evidence(scene, imagery, shown, told, classes)
-    return ReducedScene(replace(imagery, evidence=evidence), images, good, cloud)
+    imagery = replace(imagery, evidence=_evidence(scene, imagery, shown, told, classes))
+    images = {number: band.radiance for number, band in scene.bands.items()}
+    return ReducedScene(imagery, images, good, pixels.cloud)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pixels:
+    """What the bands show of each pixel: by number, reflectances and temperatures."""
+
+    good: Bool[np.ndarray, "y x"]
+    cloud: Bool[np.ndarray, "y x"]
+    reflectance: dict[int, Float[np.ndarray, "y x"]]
+    kelvin: dict[int, Float[np.ndarray, "y x"]]
+    rule: CloudRule
+
+    def shown(self, clear: ClearPixels) -> Shown:
+        """What tells classes apart, in the bands by which the rule tells clouds."""
+        bright, cold = self.rule.bright_band, self.rule.cold_band
+        return Shown(
+            self.good,
+            self.cloud,
+            self.good & ~self.cloud & ~clear.sure,
+            self.reflectance.get(bright) if bright else None,
+            self.kelvin.get(cold) if cold else None,
+        )
 
 
 def _good(scene: AbiScene, grid: FixedGrid) -> Bool[np.ndarray, "y x"]:
@@ -162,15 +165,20 @@ def _good(scene: AbiScene, grid: FixedGrid) -> Bool[np.ndarray, "y x"]:
     return good
 
 
-def _shown(scene: AbiScene):
-    """Reflectances and brightness temperatures, by band."""
+def _pixels(scene: AbiScene, good, rule: CloudRule, fewest: int) -> _Pixels:
     reflectance, kelvin = {}, {}
     for n, band in scene.bands.items():
         if isinstance(band.calibration, ReflectiveCalibration):
             reflectance[n] = band.calibration.reflectance(band.radiance)
         else:
             kelvin[n] = band.calibration.brightness_temperature_k(band.radiance)
-    return reflectance, kelvin
+    cloud = rule.select(reflectance, kelvin) & good
+    if cloud.sum() < fewest:
+        raise DataError(
+            f"{_folder(scene)} holds {cloud.sum()} cloud pixels ({rule}), and a fit "
+            f"needs {fewest}: choose another scene or another rule."
+        )
+    return _Pixels(good, cloud, reflectance, kelvin, rule)
 
 
 def _folder(scene: AbiScene) -> str:
@@ -213,6 +221,18 @@ def _altitude_m(one: CloudClass) -> float:
     middle_m = (one.shell.bottom_m + one.shell.top_m) / 2
     told_m = None if one.imagery is None else one.imagery.altitude_m
     return middle_m if told_m is None else told_m
+
+
+def _fractions(
+    cells: Cells,
+    grid: FixedGrid,
+    told: Mapping[str, ClassPixels],
+    classes: Mapping[str, CloudClass],
+) -> dict[str, Float[np.ndarray, "lat lon"]]:
+    return {
+        name: _fraction(cells, grid, _altitude_m(classes[name]), pixels)
+        for name, pixels in told.items()
+    }
 
 
 def _fraction(

@@ -31,7 +31,8 @@ from .band_image import BandImage, write_band_picture
 from .model_scene import ModelWorld
 from .quantity import RADIANCE, Quantity
 from .sensors import Sensor
-from .weather_scene import Winds, World
+from .weather_scene import World
+from .winds import Winds
 
 
 # Sine of the sun's height: at 6 degrees below the horizon clouds are dark as well.

@@ -5,9 +5,8 @@ that each class covers, and the mask under which it does.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from datetime import datetime
 
 import jax.numpy as jnp
 import numpy as np
@@ -22,16 +21,18 @@ from cloudjax import (
     MaskGrid,
     cloud_classes,
     cloud_fraction,
+    cover_grid,
     weather_classes,
 )
 from cloudjax.weather.evidence import LAYERS, Evidence, left_by, shared
 from cloudjax.weather.masks import suitability
-from cloudjax_data import DataError, WeatherCube, WeatherSeries
+from cloudjax_data import DataError, WeatherCube
 
 from .weather_evidence import SkyEvidence
 
 
 Fractions = dict[str, Float[np.ndarray, "lat lon"]]
+MaskOf = Callable[[AbstractMask], AbstractMask]
 Axes = tuple[Float[np.ndarray, " lat"], Float[np.ndarray, " lon"]]
 # Where a class does not say its layer: its middle is below 642 or 350 hPa of the
 # standard atmosphere.
@@ -61,24 +62,25 @@ class CoverDecision(ABC):
     @abstractmethod
     def fractions(
         self,
-        series: WeatherSeries,
+        cube: WeatherCube,
         classes: Mapping[str, CloudClass],
-        time: datetime,
         *,
         omega_sign: float = -1.0,
     ) -> Fractions:
-        """Find the fraction of the sky that each class covers at a time."""
+        """Find the fraction of the sky that each class covers in an analysis, NaN
+        under ground.
+        """
 
     @abstractmethod
-    def mask(
-        self,
-        one: CloudClass,
-        fraction: Float[np.ndarray, "lat lon"],
-        axes: Axes,
-        steps: int,
-    ) -> AbstractMask:
-        """Make the mask of a class, on latitudes and longitudes, for a march of so many
-        steps.
+    def held(self, fraction: Float[np.ndarray, "lat lon"], axes: Axes) -> AbstractMask:
+        """Hold a fraction on latitudes and longitudes, as that which is linear between
+        places and times.
+        """
+
+    @abstractmethod
+    def mask(self, one: CloudClass, steps: int) -> MaskOf:
+        """Say how the mask of a class, for a march of so many steps, follows from what
+        is held.
         """
 
     @abstractmethod
@@ -96,18 +98,21 @@ class Table1(CoverDecision):
         """Give its four classes."""
         return cloud_classes()
 
-    def fractions(self, series, classes, time, *, omega_sign=-1.0) -> Fractions:
+    def fractions(self, cube, classes, *, omega_sign=-1.0) -> Fractions:
         """Decide by humidity, temperature and vertical motion at one altitude."""
         found = {}
         for name, one in classes.items():
-            altitude = float(one.conditions.sampling_altitude_m)
-            level = series.at_altitude(altitude, time)
+            level = cube.at_altitude(float(one.conditions.sampling_altitude_m))
             found[name] = fractions_at(level, one.conditions, omega_sign)
         return found
 
-    def mask(self, one, fraction, axes, steps) -> AbstractMask:
-        """Make the probit of the fraction, linear between the nodes."""
+    def held(self, fraction, axes) -> AbstractMask:
+        """Hold the probit of the fraction."""
         return MaskGrid.from_fraction(fraction, *axes)
+
+    def mask(self, one, steps) -> MaskOf:
+        """Take the probit."""
+        return lambda held: held
 
     def words(self, cube) -> list[tuple[str, str]]:
         """Say what it takes."""
@@ -135,19 +140,16 @@ class AllEvidence(CoverDecision):
         """Give the classes that evidence can place."""
         return weather_classes()
 
-    def fractions(self, series, classes, time, *, omega_sign=-1.0) -> Fractions:
-        """Divide the covers of layers; linear between the times of two analyses."""
-        parts: list[tuple[float, Fractions]] = [
-            (weight, _divided(cube, classes, omega_sign))
-            for cube, weight in _weights(series, time)
-        ]
-        return {
-            name: sum((w * part[name] for w, part in parts), np.zeros(()))
-            for name in classes
-        }
+    def fractions(self, cube, classes, *, omega_sign=-1.0) -> Fractions:
+        """Divide the covers of layers."""
+        return _divided(cube, classes, omega_sign)
 
-    def mask(self, one, fraction, axes, steps) -> AbstractMask:
-        """Make the mask of a cover.
+    def held(self, fraction, axes) -> AbstractMask:
+        """Hold the cover."""
+        return cover_grid(fraction, *axes)
+
+    def mask(self, one, steps) -> MaskOf:
+        """Take the mask under which the class covers so much.
 
         **Raises:** `DataError` for a class that no mask moves.
         """
@@ -156,7 +158,8 @@ class AllEvidence(CoverDecision):
                 f"The class {one.name} has a mask_gain of {one.mask_gain:g}, by which "
                 "no weather moves it: make it positive, or use --decision table1."
             )
-        return CoverMask.of(fraction, *axes, ColumnCover.of(one, steps))
+        column = ColumnCover.of(one, steps)
+        return lambda held: CoverMask(held, column)
 
     def words(self, cube) -> list[tuple[str, str]]:
         """Say which evidence serves for each layer and quantity."""
@@ -258,14 +261,3 @@ def _table1_weight(cube: WeatherCube, conditions: Conditions, omega_sign: float)
     level = cube.at_altitude(float(c.sampling_altitude_m))
     t, w = (jnp.asarray(level[name].to_numpy(), float) for name in ("t", "w"))
     return np.asarray(suitability(c, t, w, omega_sign=omega_sign))
-
-
-def _weights(series: WeatherSeries, time: datetime) -> list[tuple[WeatherCube, float]]:
-    """The analyses next to a time, and how much each counts."""
-    seconds = series.seconds_from(time)
-    after = int(np.searchsorted(seconds, 0.0))
-    if after == 0 or after == len(seconds):
-        return [(series.cubes[min(after, len(seconds) - 1)], 1.0)]
-    weight = -seconds[after - 1] / (seconds[after] - seconds[after - 1])
-    early, late = series.cubes[after - 1 : after + 1]
-    return [(early, 1 - weight), (late, float(weight))]

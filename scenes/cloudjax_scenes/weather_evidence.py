@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.special import expit
 
 from cloudjax.weather.evidence import (
     LAYERS,
@@ -202,13 +203,13 @@ def _boundary_layer_share(cube: WeatherCube) -> tuple[Field, str]:
 def _deep_convection(cube: WeatherCube) -> tuple[Field, str]:
     if {"cover_convective", "convective_top_pa"} <= set(cube.data):
         top = np.nan_to_num(_field(cube, "convective_top_pa") / 100, nan=2e3)
-        deep = _soft((_DEEP_HPA - top) / _DEEP_WIDTH_HPA)
+        deep = expit((_DEEP_HPA - top) / _DEEP_WIDTH_HPA)
         cover = np.nan_to_num(_field(cube, "cover_convective") / 100)
         return deep * cover, "the file's cover and tops of convective cloud"
     if "cape" in cube.data:
         (middle, width), (rising, softly) = _UNSTABLE, _RISING
-        unstable = _soft((np.nan_to_num(_field(cube, "cape")) - middle) / width)
-        ascent = _soft((-_omega(cube, 500.0) - rising) / softly)
+        unstable = expit((np.nan_to_num(_field(cube, "cape")) - middle) / width)
+        ascent = expit((-_omega(cube, 500.0) - rising) / softly)
         words = "convective available potential energy and ascent at 500 hPa"
         return _CONVECTIVE_COVER * unstable * ascent, words
     none = np.zeros(_hpa(cube).shape[1:]) + np.zeros(_field(cube, "gh").shape[1:])
@@ -235,10 +236,6 @@ _QUANTITIES = {
 def _omega(cube: WeatherCube, hpa: float) -> Field:
     level = int(np.argmin(np.abs(cube.data["level"].to_numpy() - hpa)))
     return np.nan_to_num(_field(cube, "w")[level])
-
-
-def _soft(x: np.ndarray) -> np.ndarray:
-    return 1 / (1 + np.exp(-np.clip(x, -50, 50)))
 
 
 def _hpa(cube: WeatherCube) -> Float[np.ndarray, "level 1 1"]:

@@ -6,11 +6,10 @@ and temperatures come from weather analyses, the ground from a table.
 
 import functools as ft
 import itertools as it
-import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from dataclasses import dataclass, field, replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +20,6 @@ from cloudjax import (
     Air,
     Band,
     CloudClass,
-    DisplacementMap,
-    DrawnMask,
     EmissiveBands,
     LatLonGrid,
     Layer,
@@ -32,9 +29,8 @@ from cloudjax import (
     StandardAtmosphere,
     TemperatureGrid,
     class_layer,
-    displacement_map,
+    in_generations,
     load_classes,
-    propagate,
     weather_classes,
 )
 from cloudjax_data import (
@@ -49,15 +45,16 @@ from .air_profile import profiles_of
 from .data_errors import data_errors
 from .lights import Light, light_named
 from .surface import Surface
-from .weather_analysis import MAP_STEP_DEG, wind_at
-from .weather_decision import AllEvidence, CoverDecision, Fractions, decision_named
+from .weather_decision import (
+    AllEvidence,
+    CoverDecision,
+    Fractions,
+    MaskOf,
+    decision_named,
+)
+from .winds import AirMotion, Winds
 
 
-# Displacement maps by altitude in metres and hours.
-Winds = Mapping[tuple[float, float], DisplacementMap]
-
-# As that of a fresh map of 20 hours.
-_STEP_MINUTES = 30.0
 # Levels of the temperature field, linear in between.
 _LEVELS_M = np.arange(0.0, 16e3, 500.0)
 
@@ -153,7 +150,7 @@ class World:
         numbers = [band.number for band in bands]
         return Scene(
             layers=self._layers(
-                time, self.winds(time) if winds is None else winds, sunlit, emissive
+                self.winds(time) if winds is None else winds, sunlit, emissive
             ),
             reflective=ReflectiveBands.of(sunlit, earth_sun_distance_au(time)),
             emissive=EmissiveBands.of(emissive),
@@ -169,90 +166,70 @@ class World:
 
     def _layers(
         self,
-        time: datetime,
         winds: Winds,
         sunlit: Sequence[Band],
         emissive: Sequence[Band],
     ) -> tuple[Layer, ...]:
         layers = []
-        fractions = self.fractions(time)
         for i, (name, one) in enumerate(self.classes.items()):
-            altitude = float(one.conditions.sampling_altitude_m)
-            layers.append(
-                class_layer(
-                    one,
-                    sunlit=[band.number for band in sunlit],
-                    thermal=[band.number for band in emissive],
-                    seed=self.seed + 100 * i,
-                    steps=self.steps,
-                    nodes=self.nodes,
-                    extinction_share=self.strategy.share,
-                    mask=self._mask(one, fractions[name], winds),
-                    displacements=[
-                        winds.get((altitude, t.displacement_hours))
-                        for t in one.textures
-                    ],
-                )
+            layer = class_layer(
+                one,
+                sunlit=[band.number for band in sunlit],
+                thermal=[band.number for band in emissive],
+                seed=self.seed + 100 * i,
+                steps=self.steps,
+                nodes=self.nodes,
+                extinction_share=self.strategy.share,
+                mask=self._mask(name, one, winds),
             )
+            cloud = in_generations(layer.cloud, winds.generations(one))
+            layers.append(replace(layer, cloud=cloud))
         return tuple(layers)
 
-    def _mask(
-        self, one: CloudClass, fraction: Float[np.ndarray, "lat lon"], winds: Winds
-    ) -> AbstractMask:
-        axes = _axes(self.series.cubes[0].data)
-        mask = self.decision.mask(one, fraction, axes, self.steps)
+    def _mask(self, name: str, one: CloudClass, winds: Winds) -> AbstractMask:
+        held = [of_classes[name] for of_classes in self._held]
         altitude = float(one.conditions.sampling_altitude_m)
-        drawn = winds.get((altitude, one.mask_displacement_hours))
-        return mask if drawn is None else DrawnMask(mask, drawn)
+        carried = winds.carried(held, altitude, one.mask_displacement_hours)
+        return self._masks[name](carried)
 
     def winds(self, time: datetime) -> Winds:
-        """Find how the winds have drawn the clouds of one time."""
-        return {
-            (altitude, hours): displacement_map(
-                wind_at(self.series, altitude, time),
-                hours=hours,
-                resolution_deg=MAP_STEP_DEG,
-                steps=_map_steps(hours),
-            )
-            for altitude, hours in self._drawn()
-        }
+        """Find how the winds have moved the clouds of one time."""
+        return self._motion.still(time)
 
     def frames(
         self, start: datetime, count: int, minutes: float
     ) -> Iterator[tuple[datetime, Winds]]:
-        """Give times and winds of an animation, each map carried on from the last."""
-        winds = self.winds(start)
-        for i in range(count):
-            time = start + timedelta(minutes=i * minutes)
-            if i > 0:
-                winds = {
-                    (altitude, hours): propagate(
-                        earlier,
-                        wind_at(self.series, altitude, start),
-                        duration_s=60 * minutes,
-                        steps=math.ceil(minutes / _STEP_MINUTES),
-                    )
-                    for (altitude, hours), earlier in winds.items()
-                }
-            yield time, winds
+        """Give times and winds of a film, or of a still where there is one frame."""
+        if count == 1:
+            return iter([(start, self.winds(start))])
+        return self._motion.frames(start, count, minutes)
 
-    def _drawn(self) -> set[tuple[float, float]]:
-        """Altitudes and hours of the displacement maps that the classes need."""
-        return {
-            (float(one.conditions.sampling_altitude_m), hours)
-            for one in self.classes.values()
-            for hours in (
-                one.mask_displacement_hours,
-                *(texture.displacement_hours for texture in one.textures),
-            )
-            if hours > 0
-        }
+    @property
+    def _motion(self) -> AirMotion:
+        return AirMotion(self.series, self.classes.values())
 
-    def fractions(self, time: datetime) -> Fractions:
-        """Find the cloud fraction of each class at a time, NaN under ground."""
-        return self.decision.fractions(
-            self.series, self.classes, time, omega_sign=self.omega_sign
+    @ft.cached_property
+    def fractions(self) -> tuple[Fractions, ...]:
+        """Of each analysis the cloud fraction of each class, NaN under ground."""
+        return tuple(
+            self.decision.fractions(cube, self.classes, omega_sign=self.omega_sign)
+            for cube in self.series.cubes
         )
+
+    @ft.cached_property
+    def _held(self) -> tuple[dict[str, AbstractMask], ...]:
+        axes = _axes(self.series.cubes[0].data)
+        return tuple(
+            {name: self.decision.held(one, axes) for name, one in fractions.items()}
+            for fractions in self.fractions
+        )
+
+    @ft.cached_property
+    def _masks(self) -> dict[str, MaskOf]:
+        return {
+            name: self.decision.mask(one, self.steps)
+            for name, one in self.classes.items()
+        }
 
     @ft.cached_property
     def surface(self) -> Surface:
@@ -300,11 +277,6 @@ def open_world(
     for cube, one in it.product(series.cubes, known.values()):
         check_altitude(cube, float(one.conditions.sampling_altitude_m))
     return World(series, known, decision, **settings)
-
-
-def _map_steps(hours: float) -> int:
-    """Of some half an hour; of few different numbers, for each is compiled anew."""
-    return next((n for n in (10, 20) if hours <= 0.6 * n), 40)
 
 
 def _axes(data) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,10 @@ from .clouds.classes import ImageryRule as ImageryRule
 from .clouds.cloud_function import CloudFunction as CloudFunction
 from .clouds.column_cover import ColumnCover as ColumnCover
 from .clouds.cover_mask import CoverMask as CoverMask
+from .clouds.cover_mask import cover_grid as cover_grid
 from .clouds.fractal import FractalCloud as FractalCloud
+from .clouds.generations import Generation as Generation
+from .clouds.generations import in_generations as in_generations
 from .clouds.gridded import GriddedCloud as GriddedCloud
 from .clouds.ladder import Ladder as Ladder
 from .clouds.level_set import Latent as Latent
@@ -91,6 +94,7 @@ from .weather.advection import propagate as propagate
 from .weather.coarse_fields import CoarseFields as CoarseFields
 from .weather.coarse_fields import Response as Response
 from .weather.masks import AbstractMask as AbstractMask
+from .weather.masks import BlendedMask as BlendedMask
 from .weather.masks import Conditions as Conditions
 from .weather.masks import DrawnMask as DrawnMask
 from .weather.masks import MaskGrid as MaskGrid
@@ -99,3 +103,4 @@ from .weather.masks import cloud_fraction as cloud_fraction
 from .weather.masks import fraction_to_mask as fraction_to_mask
 
 __version__: str
+from .weather.turned_map import TurnedMap as TurnedMap

@@ -6,6 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 import xarray as xr
+from PIL import Image
 
 from cloudjax_fit.fit_files import write_fit
 from cloudjax_fit.fit_inputs import read_inputs
@@ -149,7 +150,7 @@ def test_a_camera_sees_a_sky_above_the_ground(folder):
 def test_frames_follow_each_other(folder):
     later = "--weather", folder / "later.grib2"
     # The bands of `rendered`, whose compiled functions serve here, too.
-    clip = "--frames", "2", "--minutes", "90", "--bands", "2,7,13"
+    clip = "--frames", "2", "--minutes", "90", "--bands", "2,7,13", "--animation", "gif"
     file = folder / "clip.nc"
     result = run("render", *MESO, *inputs(folder), *later, *clip, "-o", file)
     assert result.exit_code == 0, result.output
@@ -160,6 +161,8 @@ def test_frames_follow_each_other(folder):
     ):
         assert second["time"] - first["time"] == np.timedelta64(90, "m")
         assert second.attrs["weather"] == "gfs.grib2, later.grib2"
+        with Image.open(folder / "clip.gif") as film:
+            assert film.n_frames == 2
         # Drier by then.
         assert second["cloud_fraction"].mean() < first["cloud_fraction"].mean()
 

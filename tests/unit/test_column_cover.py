@@ -10,11 +10,11 @@ import pytest
 
 from cloudjax import ColumnCover, CoverMask, Ladder, UniformMask, cloud_classes
 from cloudjax.clouds.class_files import weather_classes
+from cloudjax.clouds.visibility import unseen
 from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.rays import Rays
 from cloudjax.march.make_scene import make_scene
 from cloudjax.march.marched_way import march_layers
-from cloudjax.march.products import VISIBLE_DEPTH
 from cloudjax.march.view import look
 
 
@@ -69,7 +69,7 @@ def rendered(one, masks, pixel_m):
         )
         (way,) = march_layers(moved, view)
         depth = way.layer.extinction_per_m * way.passed.depth_m * way.view_height[None]
-        return 1 - way.passed.mean(1 / (1 + (depth / VISIBLE_DEPTH) ** 2)).mean()
+        return 1 - way.passed.mean(unseen(depth)).mean()
 
     # A uniform mask is a threshold.
     return np.array([cover(one.threshold - one.mask_gain * w) for w in masks])

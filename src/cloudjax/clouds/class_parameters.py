@@ -65,9 +65,9 @@ USUAL = {
     "roughness_response": Prior(0.0, 3.0, 0.3),
 }
 ALTITUDE_SPREAD_M = 1000.0
-# By phase, µm: the radii that MODIS tells (Platnick et al. 2017, IEEE Trans. Geosci.
-# Remote Sens. 55, 502: 4 to 30 of droplets, 5 to 60 of crystals), as far as the table
-# of optics goes.
+# By phase, µm: the radii that Collection 6 of MODIS retrieves (Platnick et al. 2017,
+# IEEE Trans. Geosci. Remote Sens. 55, 502: 4 to 30 of droplets, 5 to 60 of crystals),
+# as far as the table of optics goes.
 RADII = {
     "water": Prior(4.0, 30.0, 0.3, log=True),
     "ice": Prior(10.0, 60.0, 0.3, log=True),

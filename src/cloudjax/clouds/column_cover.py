@@ -7,29 +7,26 @@ any mask is a mean over such columns. It hangs on no pixel, for what a pixel ave
 away widens the level set.
 """
 
-from dataclasses import dataclass
-
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 from scipy.stats import qmc
 
 from cloudjax.geometry.latlon_grid import AnyArray
 
 from .classes import CloudClass
-from .ladder import rungs
+from .cloud_function import CloudFunction
+from .ladder import Ladder, rungs
+from .level_set import Latent, level_set
+from .visibility import unseen
 
 
-# Optical depth at which imagers begin to call a pixel cloudy.
-VISIBLE_DEPTH = 0.3
 # Columns, a power of 2, and levels at which their cover is found.
 _COLUMNS = 2048
 _LEVELS = 97
-# As the march has them: width of the level set without footprint, and the change within
-# a step that is as good as a jump.
-_SMOOTHING, _MOST_CHANGE = 0.02, 6.0
 # Nodes of the table, in equal steps of the probit of cover, and where it ends: a column
 # in a thousand is too rare to be counted.
 _NODES = 65
@@ -39,8 +36,7 @@ _LEAST = 2e-3
 _CLEAR = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class ColumnCover:
+class ColumnCover(eqx.Module):
     """A `ColumnCover` is the cover of a class of cloud under a uniform mask, as a
     table.
 
@@ -66,22 +62,21 @@ class ColumnCover:
         """
         if not one.mask_gain > 0:
             raise ValueError(f"mask_gain of {one.name} must be positive.")
-        excess = _excess(one, steps)
-        width = np.sqrt(_SMOOTHING**2 + _spread(excess))
-        shell = one.marched
-        depth = one.extinction_per_m * (shell.top_m - shell.bottom_m) / steps
-        highest = excess.max(axis=1)
+        cloud, shell = one.cloud(seed=0), one.marched
+        step_m = (shell.top_m - shell.bottom_m) / steps
+        altitude = shell.bottom_m + step_m * (np.arange(steps) + 0.5)
+        noise = _noise(cloud.function, cloud.ladders, altitude)
+        highest = _highest(cloud.function, noise, altitude)
         levels = np.linspace(highest.max() + 1, highest.min() - 1, _LEVELS)
-        cover = np.array(
-            [_seen(depth * ndtr((excess - u) / width).sum(1)).mean() for u in levels]
-        )
-        greatest = float(_seen(depth * steps))
+        masks = (one.threshold - levels) / one.mask_gain
+        depth = one.extinction_per_m * step_m
+        cover = _covers(cloud.function, noise, altitude, masks, depth)
+        greatest = float(1 - unseen(depth * steps))
         part = np.maximum.accumulate(cover / greatest)
         probit = np.linspace(ndtri(_LEAST), -ndtri(_LEAST), _NODES)
         # Rising, for numpy, where cover stays the same.
         rising = ndtri(np.clip(part, 1e-9, 1 - 1e-9)) + 1e-9 * np.arange(_LEVELS)
-        level = np.interp(probit, rising, levels)
-        return ColumnCover(probit, (one.threshold - level) / one.mask_gain, greatest)
+        return ColumnCover(probit, np.interp(probit, rising, masks), greatest)
 
     def mask_of(self, cover: Float[AnyArray, "*n"]) -> Float[AnyArray, "*n"]:
         """Return the mask under which the class covers so much; NaN counts as clear.
@@ -114,46 +109,59 @@ def _line(x, nodes, values):
     return inner + low * below + high * xp.maximum(x - nodes[-1], 0.0)
 
 
-def _seen(depth):
-    """How much of a pixel of this optical depth counts as cloud."""
-    return 1 - 1 / (1 + (depth / VISIBLE_DEPTH) ** 2)
-
-
-def _excess(one: CloudClass, steps: int) -> Float[np.ndarray, "columns steps"]:
-    """The noise less the barriers in the steps of many columns."""
-    shell = one.marched
-    step = (shell.top_m - shell.bottom_m) / steps
-    altitude = shell.bottom_m + step * (np.arange(steps) + 0.5)
-    values, vectors = np.linalg.eigh(_covariance(one, altitude))
+def _noise(
+    function: CloudFunction,
+    ladders: tuple[Ladder, ...],
+    altitude_m: Float[np.ndarray, " steps"],
+) -> Float[np.ndarray, "columns steps"]:
+    """The noise in the steps of many columns."""
+    covariance = _covariance(function, ladders, altitude_m)
+    values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0))
     # `rng` of scipy 1.15 has that name in no earlier one.
-    sobol = qmc.Sobol(steps, seed=0)  # pyright: ignore[reportCallIssue]
+    sobol = qmc.Sobol(len(altitude_m), seed=0)  # pyright: ignore[reportCallIssue]
     uniform = sobol.random(_COLUMNS)
-    noise = ndtri(np.clip(uniform, 1e-9, 1 - 1e-9)) @ root.T
-    below = np.exp(np.minimum((one.base_m - altitude) / one.barrier_scale_m, 30.0))
-    above = np.exp(np.minimum((altitude - one.top_m) / one.barrier_scale_m, 30.0))
-    return noise - below - above
-
-
-def _spread(
-    excess: Float[np.ndarray, "columns steps"],
-) -> Float[np.ndarray, "columns steps"]:
-    """Variance within each step, as the march has it: (change)²/12."""
-    if excess.shape[1] == 1:
-        return np.zeros_like(excess)
-    change = np.gradient(excess, axis=1)
-    return np.minimum(np.abs(change), _MOST_CHANGE) ** 2 / 12
+    return ndtri(np.clip(uniform, 1e-9, 1 - 1e-9)) @ root.T
 
 
 def _covariance(
-    one: CloudClass, altitude_m: Float[np.ndarray, " n"]
+    function: CloudFunction,
+    ladders: tuple[Ladder, ...],
+    altitude_m: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n n"]:
     """Of the noise at two heights: a wave k of random direction leaves sin(kd)/(kd)."""
-    cloud = one.cloud(seed=0)
     apart = np.abs(altitude_m[:, None] - altitude_m[None])
     found = np.zeros(apart.shape)
-    amplitudes = cloud.function.amplitudes(cloud.ladders)
-    for amplitude, rung in zip(amplitudes, rungs(cloud.ladders), strict=True):
+    for amplitude, rung in zip(
+        function.amplitudes(ladders), rungs(ladders), strict=True
+    ):
         for k, power in zip(*rung.spectrum, strict=True):
             found += float(amplitude) ** 2 * power * np.sinc(k * apart / np.pi)
     return found
+
+
+def _highest(function, noise, altitude_m) -> Float[np.ndarray, " columns"]:
+    """The mask must take so much from the threshold for cloud in each column."""
+    value = _value(function, noise, altitude_m, 0.0)
+    return np.asarray((value + function.threshold).max(axis=1), float)
+
+
+@jax.jit
+def _covers(function, noise, altitude_m, masks, depth) -> Float[Array, " masks"]:
+    """The cover under each mask, by steps of this optical depth."""
+    none = jnp.zeros(len(noise))
+    # All noise is there: no pixel averages any of it away.
+    latent, width = Latent.gauss_hermite(1), function.smoothing**2 + none
+
+    def cover(mask):
+        value = _value(function, noise, altitude_m, mask)
+        _, fraction = level_set(value, none, width, latent)
+        return 1 - unseen(depth * fraction[0].sum(-1)).mean()
+
+    return jax.lax.map(cover, masks)
+
+
+def _value(function, noise, altitude_m, mask):
+    """CF in each step of each column."""
+    mask, altitude_m = (jnp.broadcast_to(x, noise.shape) for x in (mask, altitude_m))
+    return function(jnp.asarray(noise, float), mask, altitude_m)

@@ -16,7 +16,7 @@ from cloudjax.geometry.on_host import compiled_for_many
 from cloudjax.geometry.path import (
     Profile,
     device_array,
-    navigate,
+    path_from,
     points_along,
 )
 from cloudjax.geometry.rays import Rays
@@ -153,7 +153,7 @@ class FractalCloud(AbstractCloudSource):
             finest = replace(sampling, finest_m=sampling.held_finest_m)
             held = tuple(i for i, count in enumerate(self.points(finest)) if count)
         width = rays.pixel_rad * np.maximum(chord.entry_m + chord.length_m / 2, 1.0)
-        path = navigate(rays, chord)
+        path = path_from(rays, chord, upward[:, 0], altitude[:, 0])
         way = FractalPath(
             path=path,
             mask=Profile(device_array(mask), ends=True).with_knots(sampling.held_knots),

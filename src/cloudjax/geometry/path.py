@@ -149,21 +149,31 @@ class Path(eqx.Module):
 
 def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
     """Bring chords onto the device; the work runs on the host, in float64."""
-    upward, altitude, radius = _at_entry(rays, chords, ellipsoid)
+    upward, altitude = _at_entry(rays, chords, ellipsoid)
+    return path_from(rays, chords, upward, altitude, ellipsoid)
+
+
+def path_from(
+    rays: Rays,
+    chords: Chords,
+    entry_up: Float[HostArray, "rays 3"],
+    entry_altitude_m: Float[HostArray, " rays"],
+    ellipsoid: Ellipsoid = GRS80,
+) -> Path:
+    """Bring chords onto the device of which the vertical at the entry is known."""
+    ground_radius = curvature_radius(entry_up, rays.direction, ellipsoid)
     return Path(
         length_m=device_array(chords.length_m),
-        entry_altitude_m=device_array(altitude),
-        radius_m=device_array(radius),
+        entry_altitude_m=device_array(entry_altitude_m),
+        radius_m=device_array(ground_radius + entry_altitude_m),
         direction=device_array(rays.direction),
-        entry_up=device_array(upward),
+        entry_up=device_array(entry_up),
     )
 
 
 @compiled_for_many("ellipsoid")
 def _at_entry(rays: Rays, chords: Chords, ellipsoid: Ellipsoid):
-    upward, altitude = vertical(rays.at(chords.entry_m), ellipsoid)
-    ground_radius = curvature_radius(upward, rays.direction, ellipsoid)
-    return upward, altitude, ground_radius + altitude
+    return vertical(rays.at(chords.entry_m), ellipsoid)
 
 
 # What `Rays.ground` and `both_chords` find, compiled where rays are many.

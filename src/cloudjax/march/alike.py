@@ -15,13 +15,6 @@ _In = TypeVar("_In")
 _Out = TypeVar("_Out")
 
 
-def where_met(
-    met: Bool[Array, ""], found: Callable[[_In], _Out], missed: _Out, item: _In
-) -> _Out:
-    """Find something of an item, or take what holds where no ray meets cloud."""
-    return jax.lax.cond(met, found, lambda _: missed, item)
-
-
 def each_met(
     met: Sequence[Bool[Array, ""]],
     found: Callable[[_In], _Out],

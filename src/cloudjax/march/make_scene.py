@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from cloudjax.air.clear_air import Air
 from cloudjax.clouds.class_files import cloud_classes
 from cloudjax.clouds.classes import CloudClass
-from cloudjax.light.bands import EmissiveBands, ReflectiveBands, bands_named
+from cloudjax.light.bands import Band, EmissiveBands, ReflectiveBands, bands_named
 from cloudjax.light.emission import EmittingSlabs
 from cloudjax.light.ground import AbstractGround, UniformGround
 from cloudjax.light.reflectance import PlaneParallel
@@ -13,7 +13,7 @@ from cloudjax.light.reflection import Slabs
 from cloudjax.weather.masks import AbstractMask, UniformMask
 
 from .layer import class_layer
-from .scene import Scene
+from .scene import Layer, Scene
 from .shadows import Shadows
 
 
@@ -52,30 +52,33 @@ def make_scene(
     chosen = bands_named(*bands)
     sunlit = [b for b in chosen if b.reflective or (b.sunlit and not night)]
     thermal = [band for band in chosen if not band.reflective]
-    numbers = [band.number for band in chosen]
-    networks = PlaneParallel.load()
     if not isinstance(cover, AbstractMask):
         cover = UniformMask.from_fraction(cover)
+    networks = PlaneParallel.load()
+    numbers = {"sunlit": _numbers(sunlit), "thermal": _numbers(thermal)}
     return Scene(
-        layers=tuple(
-            class_layer(
-                _class(one),
-                sunlit=[band.number for band in sunlit],
-                thermal=[band.number for band in thermal],
-                seed=seed + 100 * i,
-                steps=steps,
-                mask=cover,
-            )
-            for i, one in enumerate(classes)
-        ),
+        layers=_layers(classes, seed, **numbers, steps=steps, mask=cover),
         reflective=ReflectiveBands.of(sunlit, earth_sun_distance_au),
         emissive=EmissiveBands.of(thermal),
         reflection=Slabs(networks),
         emission=EmittingSlabs(networks) if thermal else None,
-        air=Air.of_bands(numbers) if air else None,
+        air=Air.of_bands(_numbers(chosen)) if air else None,
         shadows=shadows,
         ground=UniformGround() if ground is None else ground,
     )
+
+
+def _layers(
+    classes: Sequence[CloudClass | str], seed: int, **of_each
+) -> tuple[Layer, ...]:
+    return tuple(
+        class_layer(_class(one), seed=seed + 100 * i, **of_each)
+        for i, one in enumerate(classes)
+    )
+
+
+def _numbers(bands: Sequence[Band]) -> list[int]:
+    return [band.number for band in bands]
 
 
 def _class(one: CloudClass | str) -> CloudClass:

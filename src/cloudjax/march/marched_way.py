@@ -5,13 +5,14 @@ from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from cloudjax.clouds.source import Occupancy
 from cloudjax.geometry.path import Path, Profile
 
-from .alike import nothing_like, where_met
+from .alike import nothing_like
 from .march import March, march
 from .order import AbstractPlace, Stretch, overlap, place
 from .scene import Layer, Scene
@@ -164,7 +165,7 @@ def _occupancy(layer: Layer, samples: Any, share: Float[Array, " rays"]) -> Occu
     none = nothing_like(found, samples)
     weights = jnp.full_like(none.weights, 1 / none.weights.shape[0])
     missed = replace(none, weights=weights)
-    return where_met((share > 0).any(), found, missed, samples)
+    return jax.lax.cond((share > 0).any(), found, lambda _: missed, samples)
 
 
 def stopped_light(ways: Sequence[MarchedWay]) -> list[Float[Array, "rays steps"]]:

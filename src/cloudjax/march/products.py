@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cloudjax.clouds.column_cover import VISIBLE_DEPTH
+from cloudjax.clouds.visibility import unseen
 
 from .marched_way import MarchedWay, stopped_light, top_altitude_m
 from .scene import Scene
@@ -62,8 +62,7 @@ def products_of(
     for i, way, stopped in zip(layer_of, ways, stops, strict=True):
         β = way.layer.extinction_per_m
         vertical = β * way.passed.depth_m * way.view_height[None]
-        squared = (vertical / VISIBLE_DEPTH) ** 2
-        clear = clear * way.passed.mean(1 / (1 + squared))
+        clear = clear * way.passed.mean(unseen(vertical))
         depths[i] = depths[i] + way.passed.mean(vertical)
         share[i] = share[i] + stopped.sum(-1)
     met = (sum(share, jnp.zeros(rays)) > 1e-3) & (cloudy > 0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Float
 
-from cloudjax.geometry.geodesy import MEAN_RADIUS_M, ecef, geodetic, up
+from cloudjax.geometry.geodesy import MEAN_RADIUS_M, ecef, up
 
 
 PerParticle = Float[np.ndarray, " particles"]
@@ -54,15 +54,6 @@ class CloudParticles:
     def position_m(self) -> Float[np.ndarray, "particles 3"]:
         """Return the middles, ECEF."""
         return ecef(self.latitude_deg, self.longitude_deg, self.altitude_m)
-
-    def at_position_m(
-        self, position_m: Float[np.ndarray, "particles 3"]
-    ) -> "CloudParticles":
-        """Return them elsewhere, at ECEF positions."""
-        latitude, longitude, altitude = geodetic(position_m)
-        return replace(
-            self, latitude_deg=latitude, longitude_deg=longitude, altitude_m=altitude
-        )
 
     def moved(self, way_m: Float[np.ndarray, "particles 3"]) -> "CloudParticles":
         """Return them after ways to the east and north along the ground, and upwards.

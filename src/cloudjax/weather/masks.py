@@ -292,3 +292,22 @@ class DrawnMask(AbstractMask):
         source = self.displacement.upwind(up(*places))
         φ = np.degrees(np.arcsin(np.clip(source[..., 2], -1, 1)))
         return self.mask(φ, np.degrees(np.arctan2(source[..., 1], source[..., 0])))
+
+
+class BlendedMask(AbstractMask):
+    """A `BlendedMask` is a weighted mean of masks, such as those of two times.
+
+    **Fields:** `parts`: the masks; `weights`: they add up to 1.
+    """
+
+    parts: tuple[AbstractMask, ...]
+    weights: Float[AnyArray, " parts"]
+
+    def __call__(
+        self,
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> Float[AnyArray, "*points"]:
+        """Return the mean at these places [degrees]."""
+        each = zip(self.weights, self.parts, strict=True)
+        return sum(w * part(latitude_deg, longitude_deg) for w, part in each)

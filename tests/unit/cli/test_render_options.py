@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cloudjax import Shadows
-from tests.commands import run
+from tests.commands import run, sentence_of
 from tests.scenes import write_scene
 from tests.weather_scenes import MESO, NOON, write_inputs
 
@@ -75,12 +75,36 @@ def test_frames_are_minutes_apart_and_their_winds_longer(weather, strips):
     _sensor(weather, "--frames", 3, "--minutes", 20)
     times = [time for _, _, _, time, _, _ in strips]
     assert times == [NOON + timedelta(minutes=20 * i) for i in range(3)]
-    drawn = [winds[8000.0, 3.0] for *_, winds, _ in strips]
+    drawn = [winds.textures[8000.0, 3.0][0].displacement for *_, winds, _ in strips]
     assert [float(one.duration_s) for one in drawn] == pytest.approx(
         [10800, 12000, 13200]
     )
     way = [np.abs(np.asarray(one.displacement)).max() for one in drawn]
     assert way[1] / way[0] == pytest.approx(200 / 180, rel=0.02)
+
+
+def test_a_film_is_of_all_frames_and_for_several_only(weather, strips, monkeypatch):
+    films = []
+    monkeypatch.setattr(
+        "cloudjax_scenes.film.write_film",
+        lambda file, frames: films.append((file, frames)),
+    )
+    _sensor(weather, "--frames", 3, "--minutes", 20, "--animation", "gif")
+    ((file, frames),) = films
+    assert (file.name, len(frames)) == ("out.gif", 3)
+    files = "--weather", weather / "gfs.grib2", "-o", weather / "out.nc"
+    refused = run("render", *MESO, *files, "--animation", "gif")
+    assert "one image is no film" in sentence_of(refused)
+
+
+def test_a_video_without_ffmpeg_is_refused_before_any_work(
+    weather, strips, monkeypatch
+):
+    monkeypatch.setenv("PATH", "")
+    files = "--weather", weather / "gfs.grib2", "-o", weather / "out.nc"
+    asked = "--frames", 2, "--animation", "mp4"
+    assert "needs ffmpeg" in sentence_of(run("render", *MESO, *files, *asked))
+    assert not strips
 
 
 @pytest.fixture

@@ -38,11 +38,3 @@ def test_rotation_agrees_with_proj(longitude, one, two):
         factors.meridian_convergence,
         atol=1e-6,
     )
-
-
-def test_longitudes_do_not_jump_on_the_map():
-    projection = LambertConic(10.0, 35.0, 65.0)
-    longitude = np.array([350.0, 359.0, 1.0, 20.0])
-    np.testing.assert_array_equal(
-        projection.unwrapped(longitude), [-10.0, -1.0, 1.0, 20.0]
-    )

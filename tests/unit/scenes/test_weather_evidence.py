@@ -1,7 +1,6 @@
 """What an analysis tells of its clouds, in order, and what Table 1 says."""
 
 from dataclasses import replace
-from datetime import timedelta
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from cloudjax_scenes.weather_decision import (
 )
 from cloudjax_scenes.weather_evidence import SkyEvidence
 from cloudjax_scenes.weather_scene import World, open_world
-from tests.unit.scenes.test_weather_scene import SHAPE, TIME, analysis
+from tests.unit.scenes.test_weather_scene import SHAPE, analysis
 
 
 SKY = {
@@ -76,8 +75,8 @@ def test_a_mean_over_hours_is_said(plain):
 @pytest.mark.parametrize("classes", [weather_classes, cloud_classes])
 def test_classes_make_the_cover_of_their_layer(plain, classes):
     """Whatever the classes: independent clouds of them cover what the file says."""
-    series, known = WeatherSeries.of([with_fields(plain, **SKY)]), classes()
-    found = AllEvidence().fractions(series, known, TIME)
+    known = classes()
+    found = AllEvidence().fractions(with_fields(plain, **SKY), known)
     for layer, cover in {"low": 0.3, "middle": 0.2, "high": 0.6}.items():
         parts = [
             found[n] for n, one in known.items() if evidence_of(one).layer == layer
@@ -89,8 +88,8 @@ def test_classes_make_the_cover_of_their_layer(plain, classes):
 
 def test_deep_convection_claims_its_cover_below_a_high_tropopause(plain):
     def of(**changes):
-        series = WeatherSeries.of([with_fields(plain, **SKY | changes)])
-        found = AllEvidence().fractions(series, weather_classes(), TIME)
+        cube = with_fields(plain, **SKY | changes)
+        found = AllEvidence().fractions(cube, weather_classes())
         return {name: float(part.mean()) for name, part in found.items()}
 
     assert of()["cumulonimbus"] == pytest.approx(0.5, abs=0.01)
@@ -108,23 +107,11 @@ def test_an_inversion_makes_stratocumulus(plain):
         data = plain.data
         warm = data["t"].where(data["level"] > 800, data["t"] + kelvin)
         cube = with_fields(replace(plain, data=data.assign(t=warm)), cover_low=40.0)
-        return AllEvidence().fractions(
-            WeatherSeries.of([cube]), weather_classes(), TIME
-        )
+        return AllEvidence().fractions(cube, weather_classes())
 
     assert of(15.0)["stratocumulus"].mean() > 0.3
     assert of(15.0)["cumulus"].mean() < 0.05
     assert of(-10.0)["cumulus"].mean() > 0.3
-
-
-def test_covers_are_linear_between_two_times(plain):
-    later = replace(
-        with_fields(plain, cover_high=20.0), valid_time=TIME + timedelta(hours=3)
-    )
-    series = WeatherSeries.of([with_fields(plain, cover_high=50.0), later])
-    one = {"cirrus": cloud_classes()["cirrus"]}
-    found = AllEvidence().fractions(series, one, TIME + timedelta(hours=1))
-    assert found["cirrus"] == pytest.approx(np.full(SHAPE, 0.4), abs=1e-5)
 
 
 def test_table_1_decides_by_its_conditions_alone(plain):
@@ -132,7 +119,7 @@ def test_table_1_decides_by_its_conditions_alone(plain):
     classes = cloud_classes()
     cube = with_fields(plain, **SKY)
     made = World(WeatherSeries.of([cube]), classes, Table1())
-    found = made.fractions(TIME)
+    found = made.fractions[0]
     for name, one in classes.items():
         level = cube.at_altitude(float(one.conditions.sampling_altitude_m))
         expected = cloud_fraction(
@@ -142,7 +129,9 @@ def test_table_1_decides_by_its_conditions_alone(plain):
             level["w"].to_numpy(),
         )
         np.testing.assert_allclose(found[name], expected, rtol=1e-5)
-        mask = made.decision.mask(one, found[name], made_axes(cube), 24)
+        mask = made.decision.mask(one, 24)(
+            made.decision.held(found[name], made_axes(cube))
+        )
         stored = MaskGrid.from_fraction(expected, *made_axes(cube))
         places = np.array([10.0, -33.0]), np.array([3.0, 171.0])
         np.testing.assert_allclose(mask(*places), stored(*places), rtol=1e-4)
@@ -165,4 +154,4 @@ def test_the_decision_has_classes_of_its_own(plain):
 def test_a_class_that_no_mask_moves_is_refused(plain):
     one = replace(cloud_classes()["cirrus"], mask_gain=0.0)
     with pytest.raises(DataError, match="mask_gain of 0"):
-        AllEvidence().mask(one, np.zeros(SHAPE), made_axes(plain), 24)
+        AllEvidence().mask(one, 24)

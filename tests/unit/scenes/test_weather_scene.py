@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -63,7 +63,7 @@ def test_uniform_weather_has_uniform_masks(tmp_path):
     masks = [cloud.mask for cloud in clouds if isinstance(cloud, FractalCloud)]
     φ, λ = np.array([-70.0, -3.0, 0.0, 45.0]), np.array([179.9, -180.0, 0.3, 77.0])
     for one, mask in zip(made.classes.values(), masks, strict=True):
-        fraction = made.fractions(TIME)[one.name]
+        fraction = made.fractions[0][one.name]
         assert np.ptp(fraction) < 1e-6
         assert mask is not None
         from_above = mask(φ, λ)
@@ -76,7 +76,7 @@ def test_masks_follow_the_sign_of_the_vertical_wind(tmp_path):
     cube = analysis(tmp_path, w=-0.5)
     given = {"classes": cloud_classes(), "decision": Table1()}
     up_ward, down_ward = (
-        world(cube, omega_sign=sign, **given).fractions(TIME)["low_cumulus"].mean()
+        world(cube, omega_sign=sign, **given).fractions[0]["low_cumulus"].mean()
         for sign in (-1.0, 1.0)
     )
     assert up_ward > 0.2
@@ -112,43 +112,6 @@ def _mask(made: World):
     assert isinstance(cloud, FractalCloud)
     assert cloud.mask is not None
     return cloud.mask
-
-
-def test_frames_carry_their_maps_on(tmp_path):
-    """As maps made afresh of the longer time, within a hundredth of the way."""
-    wavy = 10 * np.sin(2 * np.radians(LONGITUDE))[None, :]
-    shape = {**west_wind(30.0), "v": wavy * np.cos(np.radians(LATITUDE))[:, None]}
-    one = cloud_classes()["low_stratus"]
-    made = world(analysis(tmp_path, **shape), classes={"a": one})
-    frames = list(made.frames(TIME, 3, 60.0))
-    assert [time - TIME for time, _ in frames] == [timedelta(hours=h) for h in range(3)]
-    longer = _longer(one, 2.0)
-    later = world(made.series.cubes[0], classes={"a": longer})
-    place = up(np.array([-50.0, 0.0, 35.0]), np.array([-120.0, 10.0, 179.0]))
-    carried, exact = (
-        _first_map(*one).displacement_of(place)
-        for one in ((made, frames[2][1]), (later, later.winds(TIME)))
-    )
-    way = np.linalg.norm(exact, axis=-1)
-    assert (way > 0.05).all()
-    assert (np.linalg.norm(carried - exact, axis=-1) < 0.01 * way).all()
-
-
-def _longer(one, hours: float):
-    textures = tuple(
-        dataclasses.replace(t, displacement_hours=t.displacement_hours + hours)
-        for t in one.textures
-    )
-    return dataclasses.replace(one, textures=textures)
-
-
-def _first_map(made: World, winds):
-    cloud = made.scene([BANDS[2]], TIME, winds).layers[0].cloud
-    assert isinstance(cloud, FractalCloud)
-    assert cloud.displacements is not None
-    first = cloud.displacements[0]
-    assert first is not None
-    return first
 
 
 def test_temperatures_are_linear_between_levels_and_held_beyond(tmp_path):
