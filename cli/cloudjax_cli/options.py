@@ -5,6 +5,8 @@ from datetime import UTC, datetime
 
 import click
 
+from .runners import Cluster
+
 
 class BandList(click.ParamType):
     """Band numbers separated by commas, such as 1,3,13."""
@@ -82,6 +84,21 @@ decision_option = click.option(
 )
 
 light_option = click.option("--light", help="physical or paper.  [default: physical]")
+
+dask_option = click.option(
+    "--dask",
+    "runner",
+    type=Cluster(),
+    help="Scenes at once, on workers of this machine or of a cluster.  [default: one "
+    "after the other]",
+)
+
+resume_option = click.option(
+    "--resume",
+    is_flag=True,
+    help="Keep what an earlier run has done with the same settings and inputs, and do "
+    "the rest.",
+)
 
 # Of earlier releases, whose textures had voxels to choose. It still does no harm.
 resolution_option = click.option(

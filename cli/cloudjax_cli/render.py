@@ -1,5 +1,6 @@
 """`cloudjax render`."""
 
+import os
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -10,19 +11,22 @@ from .options import (
     Time,
     bands_option,
     classes_option,
+    dask_option,
     decision_option,
     ignore_weather_option,
     resolution_option,
+    resume_option,
 )
+from .runners import Here
 
 
-_OF_SCENES = ("parameters", "ignore_weather")
+_OF_SCENES = ("parameters", "ignore_weather", "resume")
 _OF_SENSORS = ("time", "longitude", "centre", "place", "decision")
 
 
 @click.command()
-@click.argument("target", metavar="SCENE|SENSOR")
-@click.option("-o", "--output", required=True, metavar="OUT.nc")
+@click.argument("targets", nargs=-1, required=True, metavar="SCENE...|SENSOR")
+@click.option("-o", "--output", required=True, metavar="OUT.nc|DIR")
 @bands_option
 @click.option("--steps", type=int, help="Through each cloud shell.")
 @resolution_option
@@ -72,7 +76,9 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision")
 @classes_option
 @click.option("--longitude", type=float, help="Sensor: of an ABI's satellite.")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
-def render(target, output, bands, weather, wrf, **options) -> None:
+@dask_option
+@resume_option
+def render(targets, output, bands, weather, wrf, runner, **options) -> int | None:
     """Simulate the radiances of a scene, or of a sensor over weather.
 
     A SCENE is a folder: where clouds may stand and what is below them comes from its
@@ -80,19 +86,24 @@ def render(target, output, bands, weather, wrf, **options) -> None:
     or a TOML file; clouds, winds and ground come from --weather, or from --wrf.
 
     Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
-    and so on.
+    and so on; of several scenes, or with --dask, NAME.nc each to DIR, beside a summary
+    of all.
     """
-    path = _writable(output)
-    if not Path(target).is_dir():
-        _render_sensor(target, path, bands, weather, wrf, options)
-        return
-    if weather or wrf:
-        raise click.UsageError(
-            f"{target} is a scene, whose weather is in its folder: leave out "
-            f"--{'weather' if weather else 'wrf'}"
-        )
-    refuse(_OF_SENSORS, options, f"{target} is a scene")
-    _render_scene(target, path, bands, options)
+    several = len(targets) > 1 or runner is not None
+    folders = [target for target in targets if Path(target).is_dir()]
+    if not folders and not several:
+        _render_sensor(targets[0], _writable(output), bands, weather, wrf, options)
+        return None
+    for target in targets:
+        if weather or wrf:
+            raise click.UsageError(
+                f"{target} is a scene, whose weather is in its folder: leave out "
+                f"--{'weather' if weather else 'wrf'}"
+            )
+        refuse(_OF_SENSORS, options, f"{target} is a scene")
+    if several:
+        return _render_scenes(targets, output, bands, runner, options)
+    return _render_scene(targets[0], _writable(output), bands, options)
 
 
 def _writable(output: str) -> Path:
@@ -116,30 +127,51 @@ def refuse(names, options, because: str) -> None:
 
 
 def _render_scene(scene: str, path: Path, bands, options) -> None:
-    from cloudjax_fit.fit_inputs import read_inputs
-    from cloudjax_fit.fitted_image import fitted_image
-    from cloudjax_fit.parameter_file import read_parameters
-    from cloudjax_scenes.band_image import chosen_quantities
-    from cloudjax_scenes.image_file import write_image_and_picture
+    from .scene_render import SceneRender
 
-    file, shadows = options["parameters"], options["shadows"]
-    inputs = read_inputs(
-        scene,
-        bands=bands,
-        options={name: options[name] for name in ("steps", "seed", "light")},
-        classes=options["classes"],
-        fitted=None if file is None else read_parameters(file),
-        ignore_weather=options["ignore_weather"],
-    )
-    for note in inputs.made_of.notes:
-        click.echo(f"mind: {note}", err=True)
-    imagery, seed = inputs.target.imagery, inputs.settings.fit.seed
-    quantities = chosen_quantities(options["quantities"], imagery.bands.values())
-    image, values = fitted_image(inputs, shadows=shadows)
-    write_image_and_picture(
-        path, image, imagery, values, seed, quantities, shadows=shadows
-    )
+    task = SceneRender(scene, str(path), bands, **_of_a_scene(options))
+    task.check()
+    task()
     click.echo(f"{path} and {path.with_suffix('.png')}")
+
+
+def _render_scenes(scenes, output: str, bands, runner, options) -> int:
+    from cloudjax_data.whole_files import require_writable
+
+    from .many_scenes import run_scenes
+    from .scene_render import SceneRender
+    from .scene_tasks import distinct_names
+
+    if Path(output).suffix == ".nc":
+        raise click.UsageError(
+            f"several images need a folder, and {output} is named like one of them"
+        )
+    require_writable(output)
+    # Workers elsewhere have other working folders.
+    located = os.path.abspath if runner else str
+    given = _of_a_scene(options)
+    for file in ("classes", "parameters"):
+        given[file] = given[file] and located(given[file])
+    tasks = [
+        SceneRender(
+            located(scene), located(os.path.join(output, f"{name}.nc")), bands, **given
+        )
+        for scene, name in zip(scenes, distinct_names(scenes), strict=True)
+    ]
+    return run_scenes(tasks, runner or Here(), Path(output), "Images of scenes")
+
+
+def _of_a_scene(options) -> dict:
+    """What `SceneRender` asks for, by name, once it has been checked."""
+    from cloudjax_fit.parameter_file import read_parameters
+    from cloudjax_fit.settings import Settings, with_options
+
+    of_fit = {name: options[name] for name in ("steps", "seed", "light")}
+    with_options(Settings(), of_fit)
+    if options["parameters"] is not None:
+        read_parameters(options["parameters"])
+    names = "classes", "parameters", "ignore_weather", "shadows", "quantities", "resume"
+    return {"options": of_fit} | {name: options[name] for name in names}
 
 
 def _render_sensor(sensor: str, path: Path, bands, weather, wrf, options) -> None:
