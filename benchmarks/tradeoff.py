@@ -24,13 +24,13 @@ from matplotlib.figure import Figure
 from cloudjax import Scene, prepare, render
 from cloudjax_data import sun_direction
 from cloudjax_fit.embedded import embedded_target
-from cloudjax_fit.fitting import versions
 from cloudjax_fit.histogram import distances
 from cloudjax_fit.objective import pose
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
 from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.solver import Solver
 from cloudjax_fit.targets import Target
+from cloudjax_fit.versions import versions
 from cloudjax_scenes import SceneFromImagery, SimulatedImage, simulate_image
 
 

@@ -39,7 +39,7 @@ def main(context: click.Context, compilation_cache: str | None, debug: bool) -> 
 
     A SCENE is a folder with the ABI files of one scan (L1b or CMI), with or without a
     GFS or NAM file and a scene.toml. Exit codes: 0 done, 1 finished but not converged,
-    2 bad input, 3 a fault of the program.
+    2 bad input, 3 a fault of the program; of several scenes the highest.
     """
     context.ensure_object(dict)["debug"] = debug
     if compilation_cache is not None:

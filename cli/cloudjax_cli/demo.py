@@ -23,7 +23,9 @@ def demo(output, **options) -> int:
     from cloudjax_scenes.lights import PAPER
 
     from .fit_folder import fit_and_write
+    from .scene_tasks import EXIT_CODES
 
     require_writable(output)
     settings = with_options(Settings(fit=FitSettings(light=PAPER.name)), options)
-    return fit_and_write(embedded_target(), Path(output), settings.fit)
+    numbers = fit_and_write(embedded_target(), Path(output), settings.fit)
+    return EXIT_CODES[numbers["status"]]

@@ -13,7 +13,7 @@ def doctor() -> int:
 
     import jax
 
-    from cloudjax_fit.fitting import versions
+    from cloudjax_fit.versions import versions
 
     from .self_test import derivative_error
 

@@ -48,11 +48,8 @@ class OneSentenceGroup(click.Group):
             click.echo("Interrupted: nothing half-written is left.", err=True)
             sys.exit(INTERRUPTED)
         except Exception as error:
-            sentence, code = _sentence(error), BAD_INPUT
-            if sentence is None:
-                debug = said.get("debug", False)
-                sentence, code = _of_fault(error, debug=debug), FAULT
-            click.echo(f"cloudjax: {' '.join(sentence.split())}", err=True)
+            sentence, code = told(error, debug=said.get("debug", False))
+            click.echo(f"cloudjax: {sentence}", err=True)
         sys.exit(code or 0)
 
     def invoke(self, ctx: click.Context):
@@ -63,6 +60,17 @@ class OneSentenceGroup(click.Group):
             # Left to click this would be exit code 1.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             sys.exit(CLOSED_PIPE)
+
+
+def told(error: Exception, *, debug: bool = False) -> tuple[str, int]:
+    """Return one sentence for an error, and the exit code that goes with it.
+
+    **Arguments:** `debug`: show the traceback of a fault, and keep it in no file.
+    """
+    sentence, code = _sentence(error), BAD_INPUT
+    if sentence is None:
+        sentence, code = _of_fault(error, debug=debug), FAULT
+    return " ".join(sentence.split()), code
 
 
 def _sentence(error: Exception) -> str | None:

@@ -1,21 +1,25 @@
 """A fit with its progress, its files and its summary. Imports all that it needs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
 from cloudjax import CloudClass
+from cloudjax_data.output_lock import alone
+from cloudjax_fit.checkpoint import Checkpoint
 from cloudjax_fit.fit_files import REPORT, Images, cloud_fractions, write_fit
 from cloudjax_fit.fitting import FitResult, FitSettings, fit
 from cloudjax_fit.targets import Target
 from cloudjax_scenes.weather_analysis import Analysis
 
-from .progress import fit_progress
+from .interruption import Interruption
+from .progress import FitProgress, fit_progress
 
 
-NOT_CONVERGED = 1
+# Of the files of a fit.
+LOCK = "fit"
 
 
 def fit_and_write(
@@ -27,40 +31,61 @@ def fit_and_write(
     analysis: Analysis | None = None,
     classes: Mapping[str, CloudClass] | None = None,
     observed: Images | None = None,
-) -> int:
-    """Fit a target, write the results, and return the exit code."""
-    with fit_progress(target.imagery.name, settings.max_steps) as on_step:
-        result = fit(
-            target,
-            settings=settings,
-            overrides=overrides,
-            analysis=analysis,
-            classes=classes,
-            on_step=on_step,
-        )
-    write_fit(result, folder, observed)
-    _summarise(result, folder)
-    return 0 if result.converged else NOT_CONVERGED
+    checkpoint: Checkpoint | None = None,
+    progress: FitProgress = fit_progress,
+    tell: Callable[[str], None] = click.echo,
+) -> dict[str, Any]:
+    """Fit a target, write the results, and return the content of `fit.json`.
+
+    **Arguments:**
+
+    - `checkpoint`: to go on from and to write; it is removed once the fit has ended.
+    - `progress`, `tell`: where steps and what came of them are shown.
+
+    **Raises:** `KeyboardInterrupt` if Ctrl-C came too early or too late for the solver
+    to end with the best so far.
+    """
+    checkpoint = checkpoint or Checkpoint()
+    with alone(folder, LOCK), Interruption() as interruption:
+        with progress(target.imagery.name, settings.max_steps) as on_step:
+            result = fit(
+                target,
+                settings=settings,
+                overrides=overrides,
+                analysis=analysis,
+                classes=classes,
+                on_step=interruption.after(on_step),
+                stop=interruption,
+                checkpoint=checkpoint,
+            )
+        numbers = write_fit(result, folder, observed, asked=checkpoint.asked)
+        _summarise(result, folder, tell)
+        if not result.interrupted:
+            checkpoint.remove()
+    if interruption.wished and not result.interrupted:
+        raise KeyboardInterrupt
+    return numbers
 
 
-def _summarise(result: FitResult, folder: Path) -> None:
-    state = "converged" if result.converged else "NOT converged"
-    click.echo(
-        f"{result.target.imagery.name}: {state} in {result.seconds['total']:.0f} s"
-    )
+def _summarise(result: FitResult, folder: Path, tell: Callable[[str], None]) -> None:
+    name = result.target.imagery.name
+    state = result.state.replace("not ", "NOT ")
+    tell(f"{name}: {state} in {result.seconds['total']:.0f} s")
     if not result.converged:
-        click.echo(f"  {result.status}")
+        tell(f"  {result.status}")
+    if result.interrupted:
+        tell("  the same command with --resume goes on")
     for number, after in result.distances_fit.items():
         before = result.distances_start[number]
-        click.echo(
+        tell(
             f"  C{number:02d}  W1 over std {before.w1_over_std:.3f} at the start, "
             f"{after.w1_over_std:.3f} fitted"
         )
     clouds = cloud_fractions(result)
-    click.echo(
+    tell(
         f"  cloud fraction {clouds['observed']:.3f} observed, "
         f"{clouds['simulated']:.3f} fitted"
     )
     for warning in result.warnings:
-        click.echo(f"  mind: {warning}")
-    click.echo(f"  {folder / REPORT}")
+        tell(f"  mind: {warning}")
+    tell(f"  {folder / REPORT}")

@@ -5,6 +5,8 @@ from datetime import UTC, datetime
 
 import click
 
+from .runners import Cluster
+
 
 class BandList(click.ParamType):
     """Band numbers separated by commas, such as 1,3,13."""
@@ -83,6 +85,21 @@ decision_option = click.option(
 
 light_option = click.option("--light", help="physical or paper.  [default: physical]")
 
+dask_option = click.option(
+    "--dask",
+    "runner",
+    type=Cluster(),
+    help="Scenes at once, on workers of this machine or of a cluster.  [default: one "
+    "after the other]",
+)
+
+resume_option = click.option(
+    "--resume",
+    is_flag=True,
+    help="Keep what an earlier run has done with the same settings and inputs, and do "
+    "the rest.",
+)
+
 # Of earlier releases, whose textures had voxels to choose. It still does no harm.
 resolution_option = click.option(
     "--resolution", type=int, hidden=True, deprecated=True, expose_value=False
@@ -104,3 +121,12 @@ _FIT_OPTIONS = (
 def fit_options(command):
     """All that `cloudjax_fit.FitSettings` holds, by the same names."""
     return ft.reduce(lambda c, option: option(c), reversed(_FIT_OPTIONS), command)
+
+
+def refuse(names, options, because: str) -> None:
+    """End with a sentence if one of these options has been given."""
+    for name in names:
+        # Not "if options[name]": a longitude may be 0.
+        if options[name] is not None and options[name] is not False:
+            option = name.replace("_", "-")
+            raise click.UsageError(f"{because}: leave out --{option}")

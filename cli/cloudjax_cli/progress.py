@@ -1,10 +1,23 @@
 """How far long work has come: a bar on a terminal, plain lines elsewhere."""
 
 import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from datetime import timedelta
 
 import click
+
+
+# Of the name of a scene and the most steps: what to call with each step and its loss.
+FitProgress = Callable[[str, int], AbstractContextManager[Callable[[int, float], None]]]
+
+
+def no_progress(
+    name: str, max_steps: int
+) -> AbstractContextManager[Callable[[int, float], None]]:
+    """Return what shows nothing, for processes beside the one at the terminal."""
+    return nullcontext(lambda step, loss: None)
 
 
 @contextmanager
@@ -57,3 +70,31 @@ def tile_progress(name: str) -> Iterator[Callable[[int, int], None]]:
                 click.echo(f"{name}: {10 * said} %")
 
         yield on_tile
+
+
+class ScenesLeft:
+    """Counts scenes that have ended, and tells how long the others may take."""
+
+    def __init__(self, total: int):
+        self._total, self._ended, self._worked, self._failed = total, 0, 0, 0
+        self._started = time.monotonic()
+
+    def ended(self, text: str, *, failed: bool = False, kept: bool = False) -> None:
+        """Tell of one scene more.
+
+        **Arguments:** `kept`: it took no time, so it says nothing of the others.
+        """
+        self._ended += 1
+        self._failed += failed
+        self._worked += not kept
+        left = self._total - self._ended
+        if not left or not self._worked:
+            when = f"{left} left"
+        else:
+            rate = (time.monotonic() - self._started) / self._worked
+            when = f"about {timedelta(seconds=round(left * rate))} left"
+        click.echo(
+            f"{self._ended} of {self._total} scenes, {self._failed} failed, {when}: "
+            f"{text}",
+            err=failed,
+        )

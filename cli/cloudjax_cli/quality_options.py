@@ -4,13 +4,13 @@ import functools as ft
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 
-# What the first three options choose, and so may not be given beside them.
-_BY_HAND = ("steps", "nodes")
+if TYPE_CHECKING:
+    from cloudjax_scenes.quality import Quality
 
 
 class Share(click.ParamType):
@@ -31,6 +31,21 @@ class Share(click.ParamType):
 
 
 _OPTIONS = (
+    click.option("--steps", type=click.IntRange(1), help="Through each cloud shell."),
+    click.option(
+        "--nodes", type=click.IntRange(1), help="Sub-pixel structures; 1 is quickest."
+    ),
+    click.option(
+        "--scattering/--no-scattering",
+        default=True,
+        help="Of thermal radiation by cloud; without, it absorbs alone.",
+    ),
+    click.option(
+        "--shadows",
+        type=click.IntRange(0),
+        default=0,
+        help="Steps towards the sun, with physical light; 6 are good, 0 is none.",
+    ),
     click.option(
         "--quality",
         type=click.Choice(["draft", "standard", "reference"]),
@@ -47,79 +62,101 @@ _OPTIONS = (
         type=click.FloatRange(0, min_open=True),
         help="The best quality that takes no longer, compiling apart, as measured.",
     ),
-    click.option("--nodes", type=int, help="Sub-pixel structures; 1 is quickest."),
-    click.option(
-        "--scattering/--no-scattering",
-        default=True,
-        help="Of thermal radiation by cloud; without, it absorbs alone.",
-    ),
 )
 
 
 def quality_options(command):
-    """All that says how well to render, but for --steps and --shadows."""
+    """All that says how well to render, by the names of `AskedQuality`."""
     return ft.reduce(lambda c, option: option(c), reversed(_OPTIONS), command)
 
 
-@dataclass
-class Choice:
-    """A `Choice` is a quality, and what is expected of it; it tells what became of it.
+@dataclass(frozen=True)
+class AskedQuality:
+    """An `AskedQuality` is what a user asks of quality, in one way or another.
 
-    **Fields:** `expected_s`: seconds once compiled, None where nothing is known.
+    **Fields:** as the options; None where nothing is asked.
+
+    **Raises:** `click.UsageError` for two ways at once.
     """
 
-    quality: Any
-    expected_s: float | None = None
-    _began: float = field(default_factory=time.perf_counter)
+    steps: int | None = None
+    nodes: int | None = None
+    scattering: bool = True
+    shadows: int = 0
+    quality: str | None = None
+    max_error: float | None = None
+    max_seconds: float | None = None
 
-    def tell(self) -> None:
-        """Say how long the work took, where a time was expected."""
-        if self.expected_s is not None:
-            took = time.perf_counter() - self._began
-            click.echo(
-                f"took {took:.3g} s with compiling, where {self.expected_s:.3g} s were "
-                "expected without"
-            )
+    def __post_init__(self):
+        ways = ("quality", "max_error", "max_seconds")
+        asked = [name for name in ways if getattr(self, name) is not None]
+        by_hand = [name for name in ("steps", "nodes") if getattr(self, name)]
+        both = asked + by_hand
+        if asked and len(both) > 1:
+            first, second = (f"--{name.replace('_', '-')}" for name in both[:2])
+            raise click.UsageError(f"{first} and {second} both choose: give one")
 
-    @classmethod
-    def of(
-        cls, options: Mapping[str, Any], standard: Any, kind: str, pixels: int
-    ) -> "Choice":
-        """Choose by the options, and say what was chosen and why.
+    @staticmethod
+    def of(options: Mapping[str, Any]) -> "AskedQuality":
+        """Take what is asked out of the options of a command."""
+        names = AskedQuality.__dataclass_fields__
+        return AskedQuality(**{name: options[name] for name in names})
 
-        **Arguments:** `standard`: the quality where nothing is asked; `kind`: of scene;
-        `pixels`: that see the Earth.
+    @property
+    def by_front(self) -> bool:
+        """Whether what has been measured must choose."""
+        return self.max_error is not None or self.max_seconds is not None
 
-        **Raises:** `click.UsageError` for options that contradict each other;
-        `DataError` where nothing measured is good or quick enough.
+    def by_hand(self, standard: "Quality") -> "Quality":
+        """Return the quality that is asked without a front.
+
+        **Arguments:** `standard`: where nothing is asked.
         """
         from cloudjax_scenes.quality import QUALITIES
+
+        if self.quality is not None:
+            return QUALITIES[self.quality].with_shadows(self.shadows)
+        given = {"steps": self.steps, "nodes": self.nodes}
+        known = {name: value for name, value in given.items() if value is not None}
+        return replace(
+            standard, **known, scattering=self.scattering, shadows=self.shadows
+        )
+
+    def by_measure(self, kind: str, pixels: int) -> "Choice":
+        """Choose from the front for a kind of scene, and say what and why.
+
+        **Arguments:** `pixels`: that see the Earth.
+
+        **Raises:** `DataError` where nothing measured is good or quick enough.
+        """
         from cloudjax_scenes.trade.fronts import front_for
 
-        name, error, seconds = (
-            options[key] for key in ("quality", "max_error", "max_seconds")
-        )
-        asked = [key for key in ("quality", "max_error", "max_seconds") if options[key]]
-        by_hand = [key for key in _BY_HAND if options[key] is not None]
-        if len(asked + by_hand) > 1 and asked:
-            first, second = (f"--{k.replace('_', '-')}" for k in (asked + by_hand)[:2])
-            raise click.UsageError(f"{first} and {second} both choose: give one")
-        shadows = options["shadows"]
-        if not asked:
-            given = {key: options[key] for key in by_hand}
-            given |= {"scattering": options["scattering"], "shadows": shadows}
-            return cls(replace(standard, **given))
-        if name is not None:
-            return cls(QUALITIES[name].with_shadows(shadows))
         front, source = front_for(kind)
-        trial = (
-            front.within_seconds(seconds, pixels)
-            if error is None
-            else front.within_error(error)
-        )
+        if self.max_error is not None:
+            trial = front.within_error(self.max_error)
+        else:
+            assert self.max_seconds is not None
+            trial = front.within_seconds(self.max_seconds, pixels)
         expected_s = front.expected_s(trial, pixels)
         click.echo(
             f"chosen: {trial.quality.words}, for an error of {trial.error:.2%} and "
             f"{expected_s:.3g} s once compiled (front: {source})"
         )
-        return cls(trial.quality, expected_s)
+        return Choice(trial.quality, expected_s)
+
+
+@dataclass
+class Choice:
+    """A `Choice` is a quality, and the seconds expected of it once compiled."""
+
+    quality: "Quality"
+    expected_s: float
+    _began: float = field(default_factory=time.perf_counter)
+
+    def tell(self) -> None:
+        """Say how long the work took since the choice."""
+        took = time.perf_counter() - self._began
+        click.echo(
+            f"took {took:.3g} s with compiling, where {self.expected_s:.3g} s were "
+            "expected without"
+        )

@@ -1,6 +1,6 @@
 """`cloudjax render`."""
 
-from datetime import datetime, timedelta
+import os
 from pathlib import Path
 
 import click
@@ -10,21 +10,26 @@ from .options import (
     Time,
     bands_option,
     classes_option,
+    dask_option,
     decision_option,
     ignore_weather_option,
+    refuse,
     resolution_option,
+    resume_option,
 )
+from .quality_options import AskedQuality, quality_options
+from .runners import Here
 
 
-_OF_SCENES = ("parameters", "ignore_weather")
+_OF_SCENES = ("parameters", "ignore_weather", "resume")
 _OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
 
 
 @click.command()
-@click.argument("target", metavar="SCENE|SENSOR")
-@click.option("-o", "--output", required=True, metavar="OUT.nc")
+@click.argument("targets", nargs=-1, required=True, metavar="SCENE...|SENSOR")
+@click.option("-o", "--output", required=True, metavar="OUT.nc|DIR")
 @bands_option
-@click.option("--steps", type=int, help="Through each cloud shell.")
+@quality_options
 @resolution_option
 @click.option("--seed", type=int, help="Of the clouds.")
 @click.option(
@@ -38,12 +43,6 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
     multiple=True,
     default=["radiance"],
     help="Of the file's variables; again for more.  [default: radiance]",
-)
-@click.option(
-    "--shadows",
-    type=click.IntRange(0),
-    default=0,
-    help="Steps towards the sun, with physical light; 6 are good, 0 is none.",
 )
 @click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
@@ -77,7 +76,9 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
 @classes_option
 @click.option("--longitude", type=float, help="Sensor: of an ABI's satellite.")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
-def render(target, output, bands, weather, wrf, **options) -> None:
+@dask_option
+@resume_option
+def render(targets, output, bands, weather, wrf, runner, **options) -> int | None:
     """Simulate the radiances of a scene, or of a sensor over weather.
 
     A SCENE is a folder: where clouds may stand and what is below them comes from its
@@ -85,19 +86,27 @@ def render(target, output, bands, weather, wrf, **options) -> None:
     or a TOML file; clouds, winds and ground come from --weather, or from --wrf.
 
     Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
-    and so on, and with --animation a film of them.
+    and so on, and with --animation a film of them; of several scenes, or with --dask,
+    NAME.nc each to DIR, beside a summary of all.
     """
-    path = _writable(output)
-    if not Path(target).is_dir():
-        _render_sensor(target, path, bands, weather, wrf, options)
-        return
-    if weather or wrf:
-        raise click.UsageError(
-            f"{target} is a scene, whose weather is in its folder: leave out "
-            f"--{'weather' if weather else 'wrf'}"
-        )
-    refuse(_OF_SENSORS, options, f"{target} is a scene")
-    _render_scene(target, path, bands, options)
+    several = len(targets) > 1 or runner is not None
+    folders = [target for target in targets if Path(target).is_dir()]
+    if not folders and not several:
+        from .sensor_render import render_over
+
+        refuse(_OF_SCENES, options, f"{targets[0]} is no folder of a scene")
+        render_over(targets[0], _writable(output), bands, weather, wrf, options)
+        return None
+    for target in targets:
+        if weather or wrf:
+            raise click.UsageError(
+                f"{target} is a scene, whose weather is in its folder: leave out "
+                f"--{'weather' if weather else 'wrf'}"
+            )
+        refuse(_OF_SENSORS, options, f"{target} is a scene")
+    if several:
+        return _render_scenes(targets, output, bands, runner, options)
+    return _render_scene(targets[0], _writable(output), bands, options)
 
 
 def _writable(output: str) -> Path:
@@ -111,150 +120,50 @@ def _writable(output: str) -> Path:
     return path
 
 
-def refuse(names, options, because: str) -> None:
-    """End with a sentence if one of these options has been given."""
-    for name in names:
-        # Not "if options[name]": a longitude may be 0.
-        if options[name] is not None and options[name] is not False:
-            option = name.replace("_", "-")
-            raise click.UsageError(f"{because}: leave out --{option}")
-
-
 def _render_scene(scene: str, path: Path, bands, options) -> None:
-    from cloudjax_fit.fit_inputs import read_inputs
-    from cloudjax_fit.fitted_image import fitted_image
-    from cloudjax_fit.parameter_file import read_parameters
-    from cloudjax_scenes.band_image import chosen_quantities
-    from cloudjax_scenes.image_file import write_image_and_picture
+    from .scene_render import SceneRender
 
-    file, shadows = options["parameters"], options["shadows"]
-    inputs = read_inputs(
-        scene,
-        bands=bands,
-        options={name: options[name] for name in ("steps", "seed", "light")},
-        classes=options["classes"],
-        fitted=None if file is None else read_parameters(file),
-        ignore_weather=options["ignore_weather"],
-    )
-    for note in inputs.made_of.notes:
-        click.echo(f"mind: {note}", err=True)
-    imagery, seed = inputs.target.imagery, inputs.settings.fit.seed
-    quantities = chosen_quantities(options["quantities"], imagery.bands.values())
-    image, values = fitted_image(inputs, shadows=shadows)
-    write_image_and_picture(
-        path, image, imagery, values, seed, quantities, shadows=shadows
-    )
+    task = SceneRender(scene, str(path), bands, **_of_a_scene(options))
+    task.check()
+    task()
     click.echo(f"{path} and {path.with_suffix('.png')}")
 
 
-def _render_sensor(sensor: str, path: Path, bands, weather, wrf, options) -> None:
-    from cloudjax_scenes.band_image import chosen_quantities
-    from cloudjax_scenes.sensors import read_sensor
+def _render_scenes(scenes, output: str, bands, runner, options) -> int:
+    from cloudjax_data.whole_files import require_writable
 
-    refuse(_OF_SCENES, options, f"{sensor} is no folder of a scene")
-    view = read_sensor(
-        sensor,
-        subsatellite_longitude_deg=options["longitude"],
-        centre=options["centre"],
-    )
-    chosen = view.choose(bands)
-    quantities = chosen_quantities(options["quantities"], chosen)
-    _require_film(options)
-    if wrf:
-        if weather:
-            raise click.UsageError("clouds come from --weather or --wrf: give one")
-        _render_model(wrf, view, chosen, path, options, quantities)
-        return
-    if not weather:
+    from .many_scenes import run_scenes
+    from .scene_render import SceneRender
+    from .scene_tasks import distinct_names
+
+    if Path(output).suffix == ".nc":
         raise click.UsageError(
-            f"{sensor} needs clouds: give --weather GFS.grib2 or --wrf WRFOUT"
+            f"several images need a folder, and {output} is named like one of them"
         )
-    refuse(("place",), options, "the place of an ideal run is for --wrf")
-    world = _world(weather, options)
-    _render_frames(world, view, chosen, path, options, quantities)
+    require_writable(output)
+    # Workers elsewhere have other working folders.
+    located = os.path.abspath if runner else str
+    given = _of_a_scene(options)
+    for file in ("classes", "parameters"):
+        given[file] = given[file] and located(given[file])
+    tasks = [
+        SceneRender(
+            located(scene), located(os.path.join(output, f"{name}.nc")), bands, **given
+        )
+        for scene, name in zip(scenes, distinct_names(scenes), strict=True)
+    ]
+    return run_scenes(tasks, runner or Here(), Path(output), "Images of scenes")
 
 
-def _require_film(options) -> None:
-    """End before any work where a film cannot be written."""
-    if options["animation"] is None:
-        return
-    from cloudjax_scenes.film import FORMATS
+def _of_a_scene(options) -> dict:
+    """What `SceneRender` asks for, by name, once it has been checked."""
+    from cloudjax_fit.parameter_file import read_parameters
+    from cloudjax_fit.settings import Settings, with_options
 
-    if options["frames"] == 1:
-        raise click.UsageError("one image is no film: give --frames, such as 12")
-    FORMATS[options["animation"]].require()
-
-
-def _render_model(wrf, view, chosen, path: Path, options, quantities) -> None:
-    from cloudjax_data import open_wrf, read_wrf
-    from cloudjax_scenes.image_strips import render_strips, write_strips
-    from cloudjax_scenes.model_scene import ModelWorld
-
-    from .progress import tile_progress
-
-    own = "clouds of --wrf are the model's own"
-    refuse(("seed", "classes", "decision"), options, own)
-    if options["frames"] > 1:
-        raise click.UsageError("--wrf gives one image: leave out --frames")
-    frame = open_wrf(wrf).at(options["time"])
-    columns = read_wrf(frame, options["place"])
-    given = {name: options[name] for name in ("steps", "light", "shadows")}
-    world = ModelWorld(
-        columns, **{name: value for name, value in given.items() if value is not None}
-    )
-    for caution in columns.cautions():
-        click.echo(caution)
-    with tile_progress(path.name) as on_tile:
-        images = render_strips(world, view, chosen, frame.time, on_tile=on_tile)
-        write_strips(path, images, world, quantities)
-    click.echo(f"{path} and {path.with_suffix('.png')}")
-
-
-def _world(weather, options):
-    from cloudjax_scenes.weather_scene import open_world
-
-    names = ("decision", "seed", "steps", "light", "shadows")
+    of_fit = {name: options[name] for name in ("steps", "seed", "light")}
+    with_options(Settings(), of_fit)
+    if options["parameters"] is not None:
+        read_parameters(options["parameters"])
+    names = "classes", "parameters", "ignore_weather", "quantities", "resume"
     given = {name: options[name] for name in names}
-    return open_world(
-        weather,
-        options["classes"],
-        **{name: value for name, value in given.items() if value is not None},
-    )
-
-
-def _render_frames(world, view, chosen, path, options, quantities) -> None:
-    from cloudjax_scenes.film import write_film
-    from cloudjax_scenes.image_strips import render_strips, write_strips
-
-    from .progress import tile_progress
-
-    frames = options["frames"]
-    start = options["time"] or world.series.times[0]
-    require_near(start, world)
-    require_near(start + timedelta(minutes=(frames - 1) * options["minutes"]), world)
-    film = []
-    for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
-        file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
-        with tile_progress(file.name) as on_tile:
-            images = render_strips(world, view, chosen, time, air, on_tile=on_tile)
-            film.append(write_strips(file, images, world, quantities))
-        click.echo(f"{file} and {file.with_suffix('.png')}")
-    if options["animation"] is not None:
-        file = path.with_suffix(f".{options['animation']}")
-        write_film(file, film)
-        click.echo(file)
-
-
-def require_near(time: datetime, world) -> None:
-    """Raise `DataError` for a frame hours before or after all weather."""
-    from cloudjax_data import DataError
-
-    first, last = world.series.times[0], world.series.times[-1]
-    slack = timedelta(hours=3)
-    if not first - slack <= time <= last + slack:
-        said = "%Y-%m-%d %H:%M"
-        raise DataError(
-            f"{world.series.cubes[0].path} and what else is given are of "
-            f"{first.strftime(said)} to {last.strftime(said)} UTC, hours from "
-            f"{time.strftime(said)}: give the analyses around that time."
-        )
+    return given | {"options": of_fit, "quality": AskedQuality.of(options)}

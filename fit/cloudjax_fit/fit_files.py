@@ -22,7 +22,7 @@ from cloudjax_scenes.netcdf import write_netcdf
 
 from .cautions import missing_share
 from .condensate import OBSERVED_WATER, Condensate
-from .fitting import FitResult, versions
+from .fitting import FitResult
 from .histogram import Distances
 from .parameter_file import parameters_text
 from .parameters import Parameter
@@ -36,6 +36,7 @@ from .report import (
 )
 from .texture import FEWEST_ROWS, TexturePair, texture
 from .uncertainty import Estimate
+from .versions import versions
 
 
 Images = Mapping[int, Float[np.ndarray, "y x"]]
@@ -45,28 +46,36 @@ NUMBERS = "fit.json"
 PARAMETERS = "parameters.toml"
 IMAGE = "simulated.nc"
 REPORT = "report.html"
+FILES = NUMBERS, PARAMETERS, IMAGE, REPORT
 
 
 def write_fit(
     result: FitResult,
     folder: str | os.PathLike[str],
     observed_images: Images | None = None,
-) -> None:
+    *,
+    asked: str = "",
+) -> dict[str, Any]:
     """Write `fit.json`, `parameters.toml`, `simulated.nc` and `report.html`.
 
     **Arguments:**
 
     - `observed_images`: radiances by band on the target's grid, to show beside the
         simulated ones; scenes that were reduced to a target have none.
+    - `asked`: a digest of what the fit was asked to do (`asked_of`).
+
+    **Returns:** the content of `fit.json`.
 
     **Raises:** `DataError` if the disk does not take the files.
     """
     imagery, found = result.target.imagery, _values(result)
     values = {parameter.name: value for parameter, value in found.items()}
     title = f"Parameters of {imagery.name}, {imagery.platform}, {_time(result)}"
+    if result.interrupted:
+        title += f": {result.status}"
     image = image_dataset(result.image, imagery, values, result.settings.seed)
     textures = _textures(result, observed_images or {})
-    numbers = json.dumps(fit_numbers(result, textures), indent=2, allow_nan=False)
+    numbers = fit_numbers(result, textures) | {"asked": asked}
     with staged(folder, last=NUMBERS) as aside:
         made_of = result.made_of
         text = parameters_text(made_of.classes, found, made_of.light, title)
@@ -74,7 +83,9 @@ def write_fit(
         write_netcdf(aside / IMAGE, image)
         page = fit_report(result, observed_images, textures)
         write_fit_report(aside / REPORT, page)
-        (aside / NUMBERS).write_text(numbers + "\n", encoding="utf-8")
+        text = json.dumps(numbers, indent=2, allow_nan=False)
+        (aside / NUMBERS).write_text(text + "\n", encoding="utf-8")
+    return numbers
 
 
 def _values(result: FitResult) -> dict[Parameter, float]:
@@ -113,7 +124,7 @@ def fit_numbers(
     return _plain(
         {
             "scene": _scene(result),
-            "status": "converged" if result.converged else "not converged",
+            "status": result.state,
             "message": result.status,
             "warnings": list(result.warnings),
             "seconds": result.seconds,
@@ -207,6 +218,7 @@ def fit_report(
         scene=_facts(result),
         status=_status_sentence(result),
         converged=result.converged,
+        interrupted=result.interrupted,
         bands=[
             _band_report(result, n, images, textures.get(n))
             for n in result.target.quantiles
@@ -306,7 +318,7 @@ def _facts(result: FitResult) -> dict[str, str]:
 def _status_sentence(result: FitResult) -> str:
     first, last = (format_number(result.history[i]) for i in (0, -1))
     steps = f"The loss fell from {first} to {last} in {len(result.history) - 1} steps."
-    return steps if result.converged else f"{result.status.strip()} {steps}"
+    return steps if result.converged else f"{result.status.rstrip('. ')}. {steps}"
 
 
 def _band_report(

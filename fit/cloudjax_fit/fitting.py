@@ -1,8 +1,8 @@
 """From a target to fitted parameters, their uncertainties and the simulated image."""
 
-import importlib.metadata
+import functools as ft
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import jax.numpy as jnp
@@ -16,17 +16,20 @@ from cloudjax_scenes.simulated_image import SimulatedImage, simulate_image
 from cloudjax_scenes.weather_analysis import Analysis
 
 from .cautions import cautions
+from .checkpoint import Checkpoint
 from .histogram import Distances, distances
-from .objective import pose
+from .objective import Problem, pose
 from .parameters import Parameter, put_all, unbounded_of, values_of, with_overrides
 from .scene_parameters import scene_parameters
-from .solver import OnStep, Solution, Solver
+from .solver import OnStep, Progress, Solution, Solver
 from .targets import Target
 from .uncertainty import Estimate, estimate
 
 
 # What fits compare: radiances of single pixels, or neighbours and bands together too.
 VALUES, TEXTURE = STATISTICS = "values", "texture"
+# How a fit may end.
+CONVERGED, NOT_CONVERGED, INTERRUPTED = "converged", "not converged", "interrupted"
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ class FitResult:
 
     - `target`, `made_of`: what was fitted, and what its scene was built of.
     - `converged`, `status`: whether the solver did, and what it says.
+    - `interrupted`: whether it was told to stop before its end.
     - `scene`: with the fitted parameters.
     - `estimates`: of every free parameter; `held`: the others.
     - `undetermined`: combinations that the data leave to the priors, in words.
@@ -101,6 +105,14 @@ class FitResult:
     history: tuple[float, ...]
     seconds: dict[str, float]
     warnings: list[str] = field(default_factory=list)
+    interrupted: bool = False
+
+    @property
+    def state(self) -> str:
+        """How it ended, in a word or two."""
+        if self.interrupted:
+            return INTERRUPTED
+        return CONVERGED if self.converged else NOT_CONVERGED
 
 
 def fit(
@@ -111,6 +123,8 @@ def fit(
     overrides: Mapping[str, Mapping] | None = None,
     classes: Mapping[str, CloudClass] | None = None,
     on_step: OnStep | None = None,
+    stop: Callable[[], bool] = lambda: False,
+    checkpoint: Checkpoint | None = None,
 ) -> FitResult:
     """Fit a scene of clouds to the histograms of a target.
 
@@ -121,6 +135,9 @@ def fit(
       9000.0, "free": False}}`.
     - `classes`: of cloud; by default those that the light has for imagery.
     - `on_step`: called with the number and loss of each step.
+    - `stop`: asked after each step whether to end with the best so far.
+    - `checkpoint`: written after each step, and gone on from where it holds one of the
+      same fit; it stays until it is removed.
 
     **Raises:** `ValueError` for an override that does not exist or contradicts itself.
     """
@@ -140,10 +157,12 @@ def fit(
         texture=settings.statistics == TEXTURE,
     )
     clock.lap("prepare")
-    solver = Solver(problem, max_steps=settings.max_steps, on_step=on_step)
+    solver = Solver(problem, max_steps=settings.max_steps, on_step=on_step, stop=stop)
     clock.lap("compile")
     starts = draw_starts(free, settings.starts, settings.seed)
-    best = min((solver(problem, z) for z in starts), key=_merit)
+    solutions = [*_solutions(solver, problem, starts, checkpoint or Checkpoint())]
+    best = min(solutions, key=_merit)
+    interrupted = solutions[-1].interrupted
     clock.lap("solve")
     estimates, undetermined = estimate(
         problem, free, starts[0], best, seed=settings.seed
@@ -162,8 +181,8 @@ def fit(
         target=target,
         made_of=made_of,
         settings=settings,
-        converged=best.converged,
-        status=best.message,
+        converged=best.converged and not interrupted,
+        status=_status(solutions, best, len(starts)),
         scene=fitted,
         estimates=estimates,
         held=[p for p in parameters if not p.free],
@@ -175,6 +194,7 @@ def fit(
         history=best.history,
         seconds=clock.seconds,
         warnings=[*cautions(target, estimates, depths, earth), *made_of.notes],
+        interrupted=interrupted,
     )
 
 
@@ -186,10 +206,29 @@ def draw_starts(parameters: Sequence[Parameter], count: int, seed: int):
     return [first, *(jnp.asarray(z, first.dtype) for z in others)]
 
 
-def versions() -> dict[str, str]:
-    """Of what the numbers of a fit depend on."""
-    names = ("cloudjax", "jax", "jaxlib", "equinox", "optimistix", "numpy")
-    return {name: importlib.metadata.version(name) for name in names}
+def _solutions(
+    solver: Solver, problem: Problem, starts: Sequence, checkpoint: Checkpoint
+) -> Iterator[Solution]:
+    """From one start after the other, until the solver is told to stop."""
+    progress = checkpoint.read(lambda: solver.begin(starts[0]))
+    begun = dict(enumerate(progress))
+
+    def keep(i: int, at: Progress) -> None:
+        begun[i] = at
+        checkpoint.write(list(begun.values()))
+
+    for i, z in enumerate(starts):
+        at = begun.get(i) or solver.begin(z)
+        solution = solver.go_on(problem, at, ft.partial(keep, i))
+        yield solution
+        if solution.interrupted:
+            return
+
+
+def _status(solutions: Sequence[Solution], best: Solution, starts: int) -> str:
+    if not solutions[-1].interrupted or starts == 1:
+        return best.message
+    return f"start {len(solutions)} of {starts}: {solutions[-1].message}"
 
 
 def _merit(solution: Solution) -> tuple[bool, float]:

@@ -97,7 +97,7 @@ class FitReport:
     """All that the page of a fit shows.
 
     - `scene`: facts in the order in which they are shown.
-    - `status`: one sentence; `converged` decides how it is marked.
+    - `status`: one sentence; `converged` and `interrupted` decide how it is marked.
     - `clouds`: what each class is made of, by name.
     - `seconds`: wall time by phase, such as `{"compile": 3.1, "solve": 9.0}`.
     - `warnings`, `undetermined`: sentences; the latter name combinations of parameters.
@@ -117,6 +117,7 @@ class FitReport:
     seconds: Mapping[str, Real] = field(default_factory=dict)
     seeds: Mapping[str, int] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
+    interrupted: bool = False
 
 
 def write_fit_report(path: str | os.PathLike[str], report: FitReport) -> None:

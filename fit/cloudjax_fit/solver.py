@@ -33,6 +33,40 @@ OnStep = Callable[[int, float], None]
 
 
 @dataclass(frozen=True, eq=False)
+class Progress:
+    """How far a solver has come from one start, and all that it needs to go on.
+
+    **Fields:**
+
+    - `z`: the parameters on the solver's scale.
+    - `state`: arrays of the solver, a pytree.
+    - `losses`: of all points that were tried.
+    - `loss`: of the best of them; `ends`: the solver sees a minimum there; `sound`: it
+      still works.
+    """
+
+    z: Float[Array, " parameters"]
+    state: Any
+    losses: tuple[float, ...] = ()
+    loss: float = math.inf
+    ends: bool = False
+    sound: bool = True
+
+    @property
+    def creeps(self) -> bool:
+        """Whether the last steps gained next to nothing."""
+        return creeps(self.losses)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver has found a minimum."""
+        return (self.creeps or self.ends) and self.sound
+
+
+OnProgress = Callable[[Progress], None]
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Where a solver stopped.
 
@@ -44,6 +78,7 @@ class Solution:
     - `sums`: that the simulated statistics are found from, block by block.
     - `history`: half the sum of squared residuals after each step.
     - `seconds`: of wall time.
+    - `interrupted`: whether it was told to stop.
     """
 
     z: Float[np.ndarray, " parameters"]
@@ -53,6 +88,7 @@ class Solution:
     sums: list[Float[np.ndarray, "blocks _ _"]]
     history: tuple[float, ...]
     seconds: float
+    interrupted: bool = False
 
     @property
     def loss(self) -> float:
@@ -65,13 +101,21 @@ class Solver:
     One step is compiled, and repeated from the host: a function that calls back to the
     host could not be kept by JAX's compilation cache.
 
-    **Arguments:** `on_step` is called with the number of each step and its loss.
+    **Arguments:**
+
+    - `on_step`: called with the number of each step and its loss.
+    - `stop`: asked after each step whether to leave off.
     """
 
     def __init__(
-        self, problem: Problem, *, max_steps: int = 150, on_step: OnStep | None = None
+        self,
+        problem: Problem,
+        *,
+        max_steps: int = 150,
+        on_step: OnStep | None = None,
+        stop: Callable[[], bool] = lambda: False,
     ):
-        self._max_steps, self._on_step = max_steps, on_step
+        self._max_steps, self._on_step, self._stop = max_steps, on_step, stop
         started = time.perf_counter()
         z = jnp.zeros(len(problem.parameters))
         rows, sums = eqx.filter_eval_shape(residuals_and_sums, z, problem)
@@ -86,44 +130,74 @@ class Solver:
         self._compiled = step.lower(z, self._start, problem).compile()
         self.compile_seconds = time.perf_counter() - started
 
+    def begin(self, z: Float[Array, " parameters"]) -> Progress:
+        """Return the progress of a start from which no step has been made."""
+        return Progress(z, eqx.tree_at(lambda s: s.y_eval, self._start, z))
+
     def __call__(self, problem: Problem, z: Float[Array, " parameters"]) -> Solution:
+        """Solve a problem from a start."""
+        return self.go_on(problem, self.begin(z))
+
+    def go_on(
+        self,
+        problem: Problem,
+        begun: Progress,
+        on_progress: OnProgress = lambda progress: None,
+    ) -> Solution:
+        """Go on until the solver ends, or is told to stop.
+
+        **Arguments:** `on_progress`: called after each step with what another call, in
+        another process too, can go on from.
+        """
         started = time.perf_counter()
-        state = eqx.tree_at(lambda s: s.y_eval, self._start, z)
-        losses: list[float] = []
-        while True:
-            z, state, facts = self._compiled(z, state, problem)
-            facts = jax.device_get(facts)
+        at = begun
+        while not self._is_over(at):
+            at = self._advance(at, problem)
             if self._on_step is not None:
-                self._on_step(len(losses), float(facts.tried_loss))
-            losses.append(float(facts.tried_loss))
-            crept = creeps(losses)
-            ends = crept or facts.ends or not facts.sound
-            if ends or len(losses) >= self._max_steps:
+                self._on_step(len(at.losses) - 1, at.losses[-1])
+            on_progress(at)
+            # After a step: before the first there is nothing to tell.
+            if self._stop():
                 break
-        converged = bool((crept or facts.ends) and facts.sound)
-        loss = float(facts.loss)
-        message = self._in_words(converged, len(losses), crept)
-        if not np.isfinite(loss):
-            converged, message = False, "the residuals are not finite"
-        seconds = time.perf_counter() - started
-        ended: Any = eqx.combine(state, self._static)
+        ended: Any = eqx.combine(at.state, self._static)
+        finite = bool(np.isfinite(at.loss))
         return Solution(
-            np.asarray(z),
-            converged,
-            message,
+            z=np.asarray(at.z),
+            converged=at.converged and finite,
+            message=self._in_words(at) if finite else "the residuals are not finite",
             # That of the last accepted point is kept: none has to be compiled.
-            np.asarray(_as_matrix(ended.f_info.jac), float),
-            [np.asarray(sums, float) for sums in ended.aux],
-            (*losses, loss),
-            seconds,
+            jacobian=np.asarray(_as_matrix(ended.f_info.jac), float),
+            sums=[np.asarray(sums, float) for sums in ended.aux],
+            history=(*at.losses, at.loss),
+            seconds=time.perf_counter() - started,
+            interrupted=not self._is_over(at),
         )
 
-    def _in_words(self, converged: bool, steps: int, crept: bool) -> str:
-        if converged and crept:
+    def _advance(self, at: Progress, problem: Problem) -> Progress:
+        z, state, facts = self._compiled(at.z, at.state, problem)
+        facts = jax.device_get(facts)
+        return Progress(
+            z,
+            state,
+            (*at.losses, float(facts.tried_loss)),
+            float(facts.loss),
+            bool(facts.ends),
+            bool(facts.sound),
+        )
+
+    def _is_over(self, at: Progress) -> bool:
+        ends = at.creeps or at.ends or not at.sound
+        return ends or len(at.losses) >= self._max_steps
+
+    def _in_words(self, at: Progress) -> str:
+        steps = len(at.losses)
+        if at.converged and at.creeps:
             little = f"{CREEPING_STEPS} gained less than {CREEPING_GAIN:.1%}"
             return f"converged in {steps} steps: the last {little}"
-        if converged:
+        if at.converged:
             return f"converged in {steps} steps"
+        if not self._is_over(at):
+            return f"interrupted after {steps} steps: this is the best so far"
         if steps >= self._max_steps:
             return f"not converged in the {steps} steps allowed: allow more"
         return f"the solver broke down after {steps} steps: try another start"

@@ -27,10 +27,14 @@ def image_dataset(
     quantities: Sequence[Quantity] = (RADIANCE,),
     *,
     shadows: int = 0,
+    asked: str = "",
 ) -> xr.Dataset:
     """A CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`.
 
-    **Arguments:** `shadows`: the steps of its shadows.
+    **Arguments:**
+
+    - `shadows`: the steps of its shadows.
+    - `asked`: a digest of what the run was asked to do, to be known again by.
     """
     coordinates = fixed_grid_coordinates(imagery.grid)
     # Not "t", as in ABI files: xarray would take it for a part of the name of the grid
@@ -59,7 +63,8 @@ def image_dataset(
             "parameters": json.dumps(dict(parameters)),
             "seed": seed,
             "shadow_steps": shadows,
-        },
+        }
+        | ({"asked": asked} if asked else {}),
     )
 
 
@@ -72,8 +77,11 @@ def write_image_and_picture(
     quantities: Sequence[Quantity] = (RADIANCE,),
     *,
     shadows: int = 0,
+    asked: str = "",
 ) -> None:
     """Write a netCDF file, and a PNG of the same name beside it.
+
+    **Arguments:** as of `image_dataset`.
 
     **Raises:** `DataError` if the disk does not take them.
     """
@@ -86,9 +94,8 @@ def write_image_and_picture(
             panel_inches=4.6,
             missing="#dbe6f2",
         )
-        data = image_dataset(
-            image, imagery, parameters, seed, quantities, shadows=shadows
-        )
+        told = {"shadows": shadows, "asked": asked}
+        data = image_dataset(image, imagery, parameters, seed, quantities, **told)
         write_netcdf(aside / path.name, data)
 
 

@@ -48,7 +48,7 @@ def no_solver(monkeypatch):
     """A result at once, and a record of what was asked."""
     calls = Calls()
 
-    def fit(target, *, settings, overrides, analysis, classes, on_step=None):
+    def fit(target, *, settings, overrides, analysis, classes, on_step=None, **_):
         calls.classes.append(classes)
         calls.append((target, settings, overrides, analysis))
         if on_step is not None:

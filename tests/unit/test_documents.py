@@ -37,7 +37,7 @@ IDENTIFIER = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*(?:\(\))?")
 OTHER_OPTIONS = {"--group"}
 OTHER_WORDS = {
     *("IndirectLevenbergMarquardt", "Dogleg", "radis", "sasktran2", "landcheck"),
-    "RadM2",
+    *("RadM2", "CUDA_VISIBLE_DEVICES"),
     # what the code puts together from parts
     *("f009", "sun_gain", "_fit"),
 }

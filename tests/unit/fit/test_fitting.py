@@ -238,11 +238,14 @@ def test_the_best_start_is_kept(target, monkeypatch, wins):
     """Of those that converged, the one of the least loss, wherever it comes."""
     taken = []
 
-    class OneOfThree:
+    class OneOfThree(Solver):
         def __init__(self, problem, **_):
             self.count = 0
 
-        def __call__(self, problem, z):
+        def begin(self, z):
+            return z
+
+        def go_on(self, problem, z, on_progress):
             i, self.count = self.count, self.count + 1
             converged, loss = (True, 1.0) if i == wins else (i != (wins + 1) % 3, 2.0)
             loss = loss if converged else 0.5

@@ -1,0 +1,116 @@
+"""The fit of one scene of many."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import click
+
+from cloudjax_fit.outcome import Outcome
+
+from .progress import fit_progress, no_progress
+from .scene_tasks import scene_name
+
+
+@dataclass(frozen=True)
+class SceneFit:
+    """The fit of a scene folder, with its files in another folder.
+
+    **Fields:**
+
+    - `scene`, `folder`: paths; `page`: of the report, from the folder of the summary.
+    - `options`: of the fit, by the names of `FitSettings`; None leaves one as it is.
+    - `bands`, `classes`, `ignore_weather`, `weather_mask`: as of `read_inputs`.
+    - `resume`: what an earlier run has done stays, and what it began goes on.
+    - `quiet`: nothing is printed.
+    """
+
+    scene: str
+    folder: str
+    bands: tuple[int, ...] | None = None
+    options: Mapping[str, int | str | None] = field(default_factory=dict)
+    classes: str | None = None
+    ignore_weather: bool = False
+    weather_mask: bool = False
+    resume: bool = False
+    quiet: bool = False
+    page: str = ""
+
+    @property
+    def name(self) -> str:
+        """Return the name of the scene's folder."""
+        return scene_name(self.scene)
+
+    def check(self) -> None:
+        """See `SceneTask`."""
+        from cloudjax_data import open_folder
+        from cloudjax_data.output_lock import alone
+        from cloudjax_data.whole_files import require_writable
+        from cloudjax_fit.checkpoint import checkpoint_in
+        from cloudjax_fit.fit_inputs import folder_settings
+
+        from .fit_folder import LOCK
+
+        require_writable(self.folder)
+        folder_settings(open_folder(self.scene))
+        if Path(self.folder).exists():
+            with alone(self.folder, LOCK):
+                if not self.resume:
+                    checkpoint_in(self.folder, "").remove()
+
+    def __call__(self) -> Outcome:
+        """See `SceneTask`."""
+        from cloudjax_fit.asked import whole_fit
+        from cloudjax_fit.checkpoint import checkpoint_in
+        from cloudjax_fit.outcome import outcome_of_fit
+
+        asked = self._asked()
+        done = whole_fit(self.folder, asked) if self.resume else None
+        if done is not None:
+            # Of a process that was killed once all was written.
+            checkpoint_in(self.folder, asked).remove()
+            return outcome_of_fit(self.name, done, page=self.page, kept=True)
+        return outcome_of_fit(self.name, self._fit(asked), page=self.page)
+
+    def _asked(self) -> str:
+        from cloudjax_data import open_folder
+        from cloudjax_fit.asked import asked_of
+        from cloudjax_fit.fit_inputs import folder_settings
+        from cloudjax_fit.settings import with_options
+
+        folder = open_folder(self.scene)
+        settings = with_options(folder_settings(folder), self.options)
+        options = {
+            "bands": self.bands,
+            "ignore_weather": self.ignore_weather,
+            "weather_mask": self.weather_mask,
+        }
+        return asked_of(folder, settings, options, [self.classes])
+
+    def _fit(self, asked: str) -> dict[str, Any]:
+        from cloudjax_fit.checkpoint import checkpoint_in
+        from cloudjax_fit.fit_inputs import read_inputs
+
+        from .fit_folder import fit_and_write
+
+        inputs = read_inputs(
+            self.scene,
+            bands=self.bands,
+            options=self.options,
+            classes=self.classes,
+            ignore_weather=self.ignore_weather,
+            weather_mask=self.weather_mask,
+        )
+        return fit_and_write(
+            inputs.target,
+            Path(self.folder),
+            inputs.settings.fit,
+            overrides=inputs.overrides,
+            analysis=inputs.analysis,
+            classes=inputs.made_of.known,
+            observed=inputs.observed,
+            checkpoint=checkpoint_in(self.folder, asked),
+            progress=no_progress if self.quiet else fit_progress,
+            tell=(lambda text: None) if self.quiet else click.echo,
+        )

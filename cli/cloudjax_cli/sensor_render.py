@@ -1,0 +1,152 @@
+"""A sensor over weather, or over a weather model's own clouds, into files."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .options import refuse
+from .quality_options import AskedQuality
+
+
+def render_over(
+    sensor: str,
+    path: Path,
+    bands: Sequence[int] | None,
+    weather: Sequence[str],
+    wrf: Sequence[str],
+    options: Mapping[str, Any],
+) -> None:
+    """Render a sensor over weather or over a model's clouds, frame by frame.
+
+    **Arguments:** `options`: of `cloudjax render`, by name.
+    """
+    from cloudjax_scenes.band_image import chosen_quantities
+    from cloudjax_scenes.sensors import read_sensor
+
+    view = read_sensor(
+        sensor,
+        subsatellite_longitude_deg=options["longitude"],
+        centre=options["centre"],
+    )
+    chosen = view.choose(bands)
+    quantities = chosen_quantities(options["quantities"], chosen)
+    _require_film(options)
+    if wrf:
+        if weather:
+            raise click.UsageError("clouds come from --weather or --wrf: give one")
+        _render_model(wrf, view, chosen, path, options, quantities)
+        return
+    if not weather:
+        raise click.UsageError(
+            f"{sensor} needs clouds: give --weather GFS.grib2 or --wrf WRFOUT"
+        )
+    refuse(("place",), options, "the place of an ideal run is for --wrf")
+    world = _world(weather, options)
+    _render_frames(world, view, chosen, path, options, quantities)
+
+
+def _require_film(options) -> None:
+    """End before any work where a film cannot be written."""
+    if options["animation"] is None:
+        return
+    from cloudjax_scenes.film import FORMATS
+
+    if options["frames"] == 1:
+        raise click.UsageError("one image is no film: give --frames, such as 12")
+    FORMATS[options["animation"]].require()
+
+
+def _render_model(wrf, view, chosen, path: Path, options, quantities) -> None:
+    from cloudjax_data import open_wrf, read_wrf
+    from cloudjax_scenes.image_strips import render_strips, write_strips
+    from cloudjax_scenes.model_scene import ModelWorld
+
+    from .progress import tile_progress
+
+    own = "clouds of --wrf are the model's own"
+    refuse(("seed", "classes", "decision"), options, own)
+    if options["frames"] > 1:
+        raise click.UsageError("--wrf gives one image: leave out --frames")
+    frame = open_wrf(wrf).at(options["time"])
+    columns = read_wrf(frame, options["place"])
+    light = {} if options["light"] is None else {"light": options["light"]}
+    world = ModelWorld(columns, **light)
+    world, choice = _with_quality(world, view, chosen, frame.time, options)
+    for caution in columns.cautions():
+        click.echo(caution)
+    with tile_progress(path.name) as on_tile:
+        images = render_strips(world, view, chosen, frame.time, on_tile=on_tile)
+        write_strips(path, images, world, quantities)
+    click.echo(f"{path} and {path.with_suffix('.png')}")
+    if choice is not None:
+        choice.tell()
+
+
+def _world(weather, options):
+    from cloudjax_scenes.weather_scene import open_world
+
+    names = ("decision", "seed", "light")
+    given = {name: options[name] for name in names}
+    return open_world(
+        weather,
+        options["classes"],
+        **{name: value for name, value in given.items() if value is not None},
+    )
+
+
+def _with_quality(world, view, chosen, time, options):
+    """The world as it is asked to be rendered, and the choice that told, if one did."""
+    from cloudjax_scenes.quality import STANDARD
+    from cloudjax_scenes.trade.subjects import kind_and_pixels
+
+    asked = AskedQuality.of(options)
+    if not asked.by_front:
+        return asked.by_hand(STANDARD).of_world(world), None
+    shaded = replace(world, shadows=asked.shadows)
+    choice = asked.by_measure(*kind_and_pixels(shaded, view, chosen, time))
+    return choice.quality.of_world(world), choice
+
+
+def _render_frames(world, view, chosen, path, options, quantities) -> None:
+    from cloudjax_scenes.film import write_film
+    from cloudjax_scenes.image_strips import render_strips, write_strips
+
+    from .progress import tile_progress
+
+    frames = options["frames"]
+    start = options["time"] or world.series.times[0]
+    require_near(start, world)
+    require_near(start + timedelta(minutes=(frames - 1) * options["minutes"]), world)
+    world, choice = _with_quality(world, view, chosen, start, options)
+    film = []
+    for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
+        file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
+        with tile_progress(file.name) as on_tile:
+            images = render_strips(world, view, chosen, time, air, on_tile=on_tile)
+            film.append(write_strips(file, images, world, quantities))
+        click.echo(f"{file} and {file.with_suffix('.png')}")
+        if choice is not None:
+            choice.tell()
+    if options["animation"] is not None:
+        file = path.with_suffix(f".{options['animation']}")
+        write_film(file, film)
+        click.echo(file)
+
+
+def require_near(time: datetime, world) -> None:
+    """Raise `DataError` for a frame hours before or after all weather."""
+    from cloudjax_data import DataError
+
+    first, last = world.series.times[0], world.series.times[-1]
+    slack = timedelta(hours=3)
+    if not first - slack <= time <= last + slack:
+        said = "%Y-%m-%d %H:%M"
+        raise DataError(
+            f"{world.series.cubes[0].path} and what else is given are of "
+            f"{first.strftime(said)} to {last.strftime(said)} UTC, hours from "
+            f"{time.strftime(said)}: give the analyses around that time."
+        )

@@ -1,0 +1,63 @@
+"""What became of one scene of many."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .fitting import CONVERGED, INTERRUPTED, NOT_CONVERGED
+
+
+# How a scene may end besides.
+RENDERED, FAILED, FAULT = "rendered", "failed", "fault of the program"
+NOT_DONE = "not done"
+GOOD = CONVERGED, RENDERED
+STATES = (*GOOD, NOT_CONVERGED, INTERRUPTED, FAILED, FAULT, NOT_DONE)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one scene.
+
+    **Fields:**
+
+    - `name`: of the scene; `state`: one of `STATES`.
+    - `reason`: for the state, in one sentence.
+    - `seconds`: of wall time.
+    - `observed_cloud`, `simulated_cloud`: share of the pixels that counts as cloud.
+    - `w1_over_std`: the distance of each band by its number.
+    - `page`: to see more, a path from the folder of the summary; empty for none.
+    - `kept`: nothing was to be done, for an earlier run has done it.
+    """
+
+    name: str
+    state: str
+    reason: str
+    seconds: float = math.nan
+    observed_cloud: float = math.nan
+    simulated_cloud: float = math.nan
+    w1_over_std: Mapping[int, float] = field(default_factory=dict)
+    page: str = ""
+    kept: bool = False
+
+
+def outcome_of_fit(
+    name: str, numbers: Mapping[str, Any], *, page: str = "", kept: bool = False
+) -> Outcome:
+    """Return what the `fit.json` of a scene tells."""
+    clouds = numbers["cloud_fraction"]
+    return Outcome(
+        name,
+        numbers["status"],
+        numbers["message"],
+        _number(numbers["seconds"]["total"]),
+        _number(clouds["observed"]),
+        _number(clouds["simulated"]),
+        {int(n): _number(b["w1_fit_over_std"]) for n, b in numbers["bands"].items()},
+        page,
+        kept,
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

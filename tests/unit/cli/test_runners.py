@@ -1,0 +1,59 @@
+"""Where tasks run: here, or on workers that may be lost."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from cloudjax_cli.runners import Cluster, OnDask
+from tests.commands import run, sentence_of
+
+
+def test_an_address_and_a_number_of_workers_are_told_apart():
+    def read(text):
+        return Cluster().convert(text, None, None)
+
+    assert read("local") == OnDask()
+    assert read("local:3") == OnDask(workers=3)
+    assert read("tcp://host:8786") == OnDask("tcp://host:8786")
+
+
+@pytest.mark.parametrize("text", ["local:", "local:0", "local:x"])
+def test_no_number_of_workers_is_refused(text):
+    said = sentence_of(run("fit", "a", "b", "-o", "c", "--dask", text))
+    assert "local:4" in said
+
+
+def test_what_to_install_is_told(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    said = sentence_of(run("fit", "a", "b", "-o", "c", "--dask", "local"))
+    assert "pip install 'cloudjax[cluster]'" in said
+
+
+def _slowly(file: Path) -> tuple[str, int, int]:
+    """Leave a trace of the process, and take a while."""
+    with file.open("a") as trace:
+        trace.write(f"{os.getpid()}\n")
+    time.sleep(1.0)
+    return file.name, os.getpid(), len(os.sched_getaffinity(0))
+
+
+@pytest.mark.slow
+def test_a_killed_worker_loses_nothing(tmp_path):
+    """kill -9 in the middle of a task; and each worker has cores of its own."""
+    tasks = [tmp_path / f"{i}" for i in range(8)]
+    found, killed = [], 0
+    for task, result in OnDask(workers=2).run(_slowly, tasks):
+        assert isinstance(result, tuple)
+        assert task.name == result[0]
+        found.append(result)
+        if not killed:
+            begun = next(p for p in tasks if p.exists() and p != task)
+            killed = int(begun.read_text().split()[0])
+            os.kill(killed, signal.SIGKILL)
+    assert sorted(name for name, *_ in found) == [p.name for p in tasks]
+    assert any(len(p.read_text().split()) == 2 for p in tasks)
+    cores = len(os.sched_getaffinity(0))
+    assert {count for *_, count in found} <= {max(1, cores // 2), -(-cores // 2)}
