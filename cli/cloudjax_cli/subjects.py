@@ -8,14 +8,16 @@ from pathlib import Path
 import click
 
 from cloudjax import Scene
-from cloudjax_data import sun_direction
+from cloudjax_data import open_wrf, read_wrf, sun_direction
 from cloudjax_fit.fit_inputs import FitInputs, read_inputs
 from cloudjax_fit.fitted_image import fitted_scene, fitted_values
 from cloudjax_fit.parameter_file import read_parameters
+from cloudjax_scenes.model_scene import ModelWorld
 from cloudjax_scenes.quality import Quality
 from cloudjax_scenes.sensors import read_sensor
 from cloudjax_scenes.trade.subjects import kind_of, sensor_subject, some_of
 from cloudjax_scenes.trade.trial import Subject
+from cloudjax_scenes.weather_scene import open_world
 
 
 def subject_of(
@@ -26,6 +28,8 @@ def subject_of(
     ignore_weather: bool = False,
     parameters: str | None = None,
     weather: Sequence[str] = (),
+    wrf: Sequence[str] = (),
+    place: tuple[float, float] | None = None,
     time: datetime | None = None,
     centre: tuple[float, float] | None = None,
     shadows: int = 0,
@@ -36,10 +40,10 @@ def subject_of(
     and the other way round.
     """
     if Path(target).is_dir():
-        if weather or time or centre:
+        if weather or wrf or place or time or centre:
             raise click.UsageError(
                 f"{target} is a scene, which has a place, time and weather of its "
-                "own: leave out --weather, --time and --centre"
+                "own: leave out --weather, --wrf, --place, --time and --centre"
             )
         inputs = read_inputs(
             target,
@@ -54,16 +58,18 @@ def subject_of(
             f"{target} is no folder of a scene: leave out --parameters and "
             "--ignore-weather"
         )
-    if not weather:
+    if bool(weather) == bool(wrf):
         raise click.UsageError(
             f"{target} is no folder of a scene; a sensor needs clouds: give --weather "
-            "GFS.grib2"
+            "GFS.grib2 or --wrf WRFOUT"
         )
-    from cloudjax_scenes.weather_scene import open_world
-
-    given = {} if light is None else {"light": light}
-    world = open_world(weather, None, shadows=shadows, **given)
-    moment = time or world.series.times[0]
+    settings = {"shadows": shadows} | ({} if light is None else {"light": light})
+    if wrf:
+        frame = open_wrf(wrf).at(time)
+        world, moment = ModelWorld(read_wrf(frame, place), **settings), frame.time
+    else:
+        world = open_world(weather, None, **settings)
+        moment = time or world.series.times[0]
     return sensor_subject(world, read_sensor(target, centre=centre), bands, moment)
 
 

@@ -24,6 +24,10 @@ from .options import (
 @click.option(
     "--weather", multiple=True, metavar="GRIB", help="Sensor: a global analysis."
 )
+@click.option(
+    "--wrf", multiple=True, metavar="WRFOUT", help="Sensor: a model's own clouds."
+)
+@click.option("--place", type=Place(), help="Sensor: centre of an ideal WRF run.")
 @click.option("--time", type=Time(), help="Sensor: UTC.  [default: of the weather]")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
 @click.option(
@@ -78,9 +82,9 @@ def _given(options) -> list[str]:
         flag = f"--{name.replace('_', '-')}"
         if value is True:
             words.append(flag)
-        elif name in ("bands", "centre") and value:
+        elif name in ("bands", "centre", "place") and value:
             words += [flag, ",".join(map(str, value))]
-        elif name == "weather":
+        elif name in ("weather", "wrf"):
             for file in value:
                 words += [flag, file]
         elif name == "time" and value:

@@ -10,8 +10,9 @@ from .options import (
     classes_option,
     decision_option,
     ignore_weather_option,
+    refuse,
 )
-from .render import refuse, require_near
+from .sensor_render import require_near
 
 
 class SunPlace(Place):

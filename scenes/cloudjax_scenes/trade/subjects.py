@@ -47,7 +47,7 @@ def _kind(source: str, light: str, sunlit: bool, thermal: bool, shaded: bool) ->
 def kind_and_pixels(
     world: World | ModelWorld, sensor: Sensor, bands: Sequence[Band], time: datetime
 ) -> tuple[str, int]:
-    """Tell the kind of a scene that is not built yet, and how many pixels see the Earth.
+    """Tell the kind of a scene not built yet, and how many pixels see the Earth.
 
     By some of the pixels, evenly far apart.
     """
