@@ -34,7 +34,7 @@ def each(jobs: Iterable[Job], work: Callable[[Job], Result]) -> Iterator[Result]
 
 
 def _count() -> int:
-    """Other devices than CPUs share out their work themselves."""
-    if jax.default_backend() != "cpu":
+    """Other devices than one CPU share out their work themselves."""
+    if jax.default_backend() != "cpu" or jax.local_device_count() > 1:
         return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2

@@ -36,6 +36,7 @@ from cloudjax.march.view import (
 from cloudjax.workers import each
 
 from .canvas import Canvas
+from .devices import device_count, shared_out
 from .tiling import Sight, batches, some_rays
 
 
@@ -97,7 +98,7 @@ def prepare(
     """
     require_concrete(scene, "prepare", "call it before jit, grad or vmap")
     sight, count = _counted(sight, rays)
-    tile = tile or _default_tile()
+    tile = _whole_tile(tile)
     jobs = _jobs(scene, sight, count, sun_direction, tile)
     found = each(
         jobs, lambda job: [t for b in job() for t in _sampled_tiles(scene, b, tile)]
@@ -133,7 +134,7 @@ def render(
     **Raises:** `TypeError` for a scene of tracers, or where a sun is missing.
     """
     require_concrete(scene, "render", "make a view with `look` first")
-    size = tile or _default_tile()
+    size = _whole_tile(tile)
     if isinstance(sight, View):
         count = len(sight)
         jobs = (ft.partial(_tiles_of, sight, size) for _ in range(1))
@@ -234,15 +235,27 @@ def _march(scene: Scene, jobs, count: int, with_products: bool, on_tile=None) ->
     return Image(*canvas.painted)
 
 
-def _default_tile() -> int:
-    return 8192 if jax.default_backend() == "cpu" else 1 << 17
+def _whole_tile(tile: int | None) -> int:
+    """How many rays are marched at once: as many for each device, also of the last."""
+    devices = device_count()
+    if tile is None:
+        each_has = 8192 if jax.default_backend() == "cpu" else 1 << 17
+        return each_has * devices
+    # A last tile may have a sixteenth.
+    return tile if devices == 1 else -(-tile // (16 * devices)) * 16 * devices
 
 
 # Compiled by jax and not by equinox, whose calls cost a millisecond with so many parts:
 # all leaves are arrays.
 @ft.partial(jax.jit, static_argnames="with_products")
 def _seen(scene: Scene, view: View | Surroundings, *, with_products: bool):
-    """Radiances, and products in the same march; clear tiles are not marched."""
+    """Radiances, and products in the same march, by all devices."""
+    one = ft.partial(_seen_by_one, with_products=with_products)
+    return shared_out(one, scene, view)
+
+
+def _seen_by_one(scene: Scene, view: View | Surroundings, *, with_products: bool):
+    """The same by one device; clear tiles are not marched."""
 
     def asked(both):
         return both if with_products else (both[0], None)
