@@ -209,7 +209,7 @@ def test_a_path_between_altitudes_begins_and_ends_at_them(upwards):
             -path.direction,
             path.up(end)[..., 0].T,
         )
-    rays = np.ones_like(path.length_m)
+    rays = jnp.ones_like(path.length_m)
     first, last = path.between(2e3 * rays, 5e3 * rays)
     passed = np.sort([_altitudes(path, first), _altitudes(path, last)], axis=0)
     assert passed.shape[1] > 1000
@@ -230,7 +230,7 @@ def test_a_path_that_turns_is_between_altitudes_from_one_side_to_the_other():
     keep = (turn > 0) & (turn < chord.length_m) & (lowest < 3e3)
     path, turn = jax.tree.map(lambda x: x[keep], (path, turn))
     assert keep.sum() > 50
-    rays = np.ones_like(path.length_m)
+    rays = jnp.ones_like(path.length_m)
     first, last = path.between(1e3 * rays, 5e3 * rays)
     for end in first, last:
         assert np.abs(_altitudes(path, end) - 5e3).max() < 5.0
@@ -240,6 +240,6 @@ def test_a_path_that_turns_is_between_altitudes_from_one_side_to_the_other():
 def test_a_path_between_altitudes_out_of_its_shell_is_empty():
     rays = _disc()
     path = navigate(rays, chords(rays, SHELL))
-    one = np.ones_like(path.length_m)
+    one = jnp.ones_like(path.length_m)
     first, last = path.between(13e3 * one, 14e3 * one)
     assert np.abs(last - first).max() == 0

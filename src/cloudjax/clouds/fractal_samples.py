@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.path import Path, Profile, middles, to_points
+from cloudjax.geometry.path import Path, Profile, to_points
 from cloudjax.weather.coarse_fields import Placed
 
 
@@ -63,7 +63,6 @@ class FractalSamples(eqx.Module):
       where it is marched as it was sampled.
     - `steps`: of the march that they were made for, or points in as many equal parts.
     - `placed`: what the clouds are like there, None where that is alike everywhere.
-    - `slopes_at`: as `at`, for the gradients.
     """
 
     path: Path
@@ -77,7 +76,6 @@ class FractalSamples(eqx.Module):
     at: Float[Array, "rays places"] | None
     steps: int = eqx.field(static=True)
     placed: Placed | None = None
-    slopes_at: Float[Array, "rays points"] | None = None
 
     def on(self, path: Path, at: Float[Array, "rays places"]) -> "FractalSamples":
         """Read them at parts of the chord, 0 to 1, as if at another path's steps."""
@@ -94,17 +92,12 @@ class FractalSamples(eqx.Module):
         path = self.path.part(first_m, last_m)
         whole = jnp.maximum(self.path.length_m, 1.0)
 
-        def parts(count: int) -> Float[Array, "rays {count}"]:
-            at = first_m[:, None] + path.length_m[:, None] * middles(count)[None]
-            return at.astype(whole.dtype) / whole[:, None]
-
-        found = self.on(path, parts(steps))
+        distance = path.distance_m(steps)
+        found = self.on(path, (first_m[:, None] + distance) / whole[:, None])
         if self.up is None:
             return found
-        points = self.up.shape[-1]
-        up = jnp.moveaxis(path.up(path.distance_m(points)), 1, 0)
-        slopes_at = parts(points)
-        return replace(found, gradients=self.gradients, up=up, slopes_at=slopes_at)
+        up = jnp.moveaxis(path.up(distance), 1, 0)
+        return replace(found, gradients=self.gradients, up=up)
 
     def fractal(self, amplitudes, steps: int) -> Float[Array, "rays {steps}"]:
         """Σ a_o N_o in the middle of equal steps."""
@@ -117,13 +110,14 @@ class FractalSamples(eqx.Module):
     def gradient(self, amplitudes) -> Float[Array, "3 rays points"]:
         """Σ a_o ∇N_o, per metre."""
         assert self.up is not None
-        total = jnp.zeros_like(self.up)
+        points = self.up.shape[-1] if self.at is None else self.steps
+        total = jnp.zeros((*self.up.shape[:2], points))
         for reading in self.gradients or ():
-            total = total + reading.weighted(amplitudes, self.up.shape[-1])
+            total = total + reading.weighted(amplitudes, points)
         axes = jnp.moveaxis(total, 1, 0)
-        if self.slopes_at is None:
+        if self.at is None:
             return axes
-        return jnp.stack([Profile(axis).at(self.slopes_at) for axis in axes])
+        return jnp.stack([Profile(axis).at(self.at) for axis in axes])
 
 
 def held_alike(samples: FractalSamples, held: tuple[int, ...]) -> FractalSamples:
