@@ -110,6 +110,8 @@ def test_weather_reaches_the_boards(weather_folder, tmp_path, asked, monkeypatch
 @pytest.mark.slow
 def test_a_scene_of_imagery_reaches_the_boards(tmp_path, asked):
     scene = write_scene(tmp_path / "scene")
+    # Its extinction is a share of the physical one.
+    (scene / "scene.toml").write_text('[fit]\nlight = "paper"\n')
     run("x3d", scene, "--sun", "90,30", "-o", tmp_path / "sky")
     sight = asked["sight"]
     assert sight.scene.reflective.numbers == (1, 3)
