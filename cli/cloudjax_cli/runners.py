@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast, runtime_checkable
 
 import click
 
@@ -90,7 +90,8 @@ class OnDask:
                 threads_per_worker=1,
                 # Memory is the system's business: a killed fit would only be repeated.
                 memory_limit=None,
-                dashboard_address=None,
+                # None is no dashboard, whatever the annotation says.
+                dashboard_address=cast(str, None),
                 silence_logs=logging.CRITICAL,
             ) as cluster,
             Client(cluster) as client,

@@ -103,7 +103,7 @@ class SceneRender:
             bands=self.bands,
             options=self.options,
             classes=self.classes,
-            fitted=self.parameters and read_parameters(self.parameters),
+            fitted=read_parameters(self.parameters) if self.parameters else None,
             ignore_weather=self.ignore_weather,
         )
         for note in inputs.made_of.notes:

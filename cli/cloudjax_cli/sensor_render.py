@@ -98,7 +98,7 @@ def _world(weather, options):
     )
 
 
-def _with_quality(world, view, chosen, time, options):
+def _with_quality(world, view, chosen, time, options) -> tuple[Any, Any]:
     """The world as it is asked to be rendered, and the choice that told, if one did."""
     from cloudjax_scenes.quality import STANDARD
     from cloudjax_scenes.trade.subjects import kind_and_pixels

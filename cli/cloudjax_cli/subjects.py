@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -63,7 +64,8 @@ def subject_of(
             f"{target} is no folder of a scene; a sensor needs clouds: give --weather "
             "GFS.grib2 or --wrf WRFOUT"
         )
-    settings = {"shadows": shadows} | ({} if light is None else {"light": light})
+    settings: dict[str, Any] = {} if light is None else {"light": light}
+    settings["shadows"] = shadows
     if wrf:
         frame = open_wrf(wrf).at(time)
         world, moment = ModelWorld(read_wrf(frame, place), **settings), frame.time

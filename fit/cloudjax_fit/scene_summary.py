@@ -122,5 +122,5 @@ def _template() -> jinja2.Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    text = files(__package__).joinpath("scene_summary.html.jinja")
+    text = files("cloudjax_fit").joinpath("scene_summary.html.jinja")
     return environment.from_string(text.read_text(encoding="utf-8"))

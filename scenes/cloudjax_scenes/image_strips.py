@@ -63,7 +63,8 @@ def render_strips(
 
     `on_tile` is called with numbers of pixels.
     """
-    winds = world.winds(time) if winds is None else winds
+    if winds is None and isinstance(world, World):
+        winds = world.winds(time)
     every, above = np.prod(sensor.view.shape), 0
     for strip in strips(sensor, pixels):
         size = np.prod(strip.view.shape)

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -107,7 +108,7 @@ class ModelWorld:
         self,
         bands: Sequence[Band],
         time: datetime,
-        winds: Mapping | None = None,
+        winds: Any = None,
         *,
         day: bool = True,
         ready: bool = True,

@@ -1,16 +1,12 @@
 """How well a scene is rendered: the knobs that cost time and buy accuracy."""
 
 from dataclasses import asdict, dataclass, fields, replace
-from typing import TypeVar
 
 from cloudjax import FractalCloud, Latent, Layer, Scene
 from cloudjax_data import DataError
 
 from .model_scene import ModelWorld
 from .weather_scene import World
-
-
-AnyWorld = TypeVar("AnyWorld", World, ModelWorld)
 
 
 @dataclass(frozen=True)
@@ -38,7 +34,7 @@ class Quality:
             if value < least:
                 raise DataError(f"{name} = {value}: make it {least} or more.")
 
-    def of_world(self, world: AnyWorld) -> AnyWorld:
+    def of_world(self, world: World | ModelWorld) -> World | ModelWorld:
         """Return a world that is rendered with this quality.
 
         What its kind of cloud has not, such as sub-pixel nodes of a model's own

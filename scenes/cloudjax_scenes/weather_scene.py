@@ -21,6 +21,7 @@ from cloudjax import (
     Band,
     CloudClass,
     EmissiveBands,
+    FractalCloud,
     LatLonGrid,
     Layer,
     ProfileGrid,
@@ -182,6 +183,7 @@ class World:
                 extinction_share=self.strategy.share,
                 mask=self._mask(name, one, winds),
             )
+            assert isinstance(layer.cloud, FractalCloud)
             cloud = in_generations(layer.cloud, winds.generations(one))
             layers.append(replace(layer, cloud=cloud))
         return tuple(layers)

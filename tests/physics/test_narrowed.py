@@ -6,7 +6,16 @@ import jax
 import numpy as np
 import pytest
 
-from cloudjax import EmittingSlabs, PlaneParallel, Scene, Shell, Slabs, look, radiances
+from cloudjax import (
+    EmittingSlabs,
+    FractalCloud,
+    PlaneParallel,
+    Scene,
+    Shell,
+    Slabs,
+    look,
+    radiances,
+)
 from tests.helpers import (
     emissive_bands,
     fractal_cloud,
@@ -77,6 +86,7 @@ def test_narrowed_ways_follow_the_parameters():
 
     def moved(scene: Scene) -> Scene:
         (one,) = scene.layers
+        assert isinstance(one.cloud, FractalCloud)
         function = replace(
             one.cloud.function,
             base_m=one.cloud.function.base_m + 2000.0,

@@ -6,7 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 import xarray as xr
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from cloudjax_fit.fit_files import write_fit
 from cloudjax_fit.fit_inputs import read_inputs
@@ -162,7 +162,7 @@ def test_frames_follow_each_other(folder):
         assert second["time"] - first["time"] == np.timedelta64(90, "m")
         assert second.attrs["weather"] == "gfs.grib2, later.grib2"
         with Image.open(folder / "clip.gif") as film:
-            assert film.n_frames == 2
+            assert len(list(ImageSequence.Iterator(film))) == 2
         # Drier by then.
         assert second["cloud_fraction"].mean() < first["cloud_fraction"].mean()
 

@@ -4,6 +4,7 @@ import base64
 import functools as ft
 import importlib.resources
 import io
+from typing import Any
 
 import jinja2
 import matplotlib
@@ -14,7 +15,7 @@ from .trial import Trial
 
 
 _INK, _FAINT, _LINE = "#22262b", "#8a9099", "#1d5fa6"
-_RC = {
+_RC: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "font.size": 9,

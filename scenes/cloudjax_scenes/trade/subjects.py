@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def sensor_subject(
     rays, sun = sensor.view.rays(), sun_direction(time)
     ground, hit = rays.ground()
     day, chosen = is_day(ground, hit, sun), sensor.choose(bands)
-    winds = world.winds(time)
+    winds: Any = world.winds(time)
 
     def scene(quality: Quality) -> Scene:
         return quality.of_world(world).scene(chosen, time, winds, day=day)

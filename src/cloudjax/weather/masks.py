@@ -309,5 +309,7 @@ class BlendedMask(AbstractMask):
         longitude_deg: Float[AnyArray, "*points"],
     ) -> Float[AnyArray, "*points"]:
         """Return the mean at these places [degrees]."""
-        each = zip(self.weights, self.parts, strict=True)
-        return sum(w * part(latitude_deg, longitude_deg) for w, part in each)
+        total = 0 * latitude_deg
+        for weight, part in zip(self.weights, self.parts, strict=True):
+            total = total + weight * part(latitude_deg, longitude_deg)
+        return total

@@ -29,7 +29,7 @@ from cloudjax_fit.objective import (
 )
 from cloudjax_fit.observation import BINS
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
-from cloudjax_fit.solver import Solution, Solver, creeps
+from cloudjax_fit.solver import Progress, Solution, Solver, creeps
 from cloudjax_fit.statistics import COVERAGE_SCALE, SCALE
 from cloudjax_fit.targets import block_of_pixels
 from cloudjax_scenes import simulate_image
@@ -243,9 +243,10 @@ def test_the_best_start_is_kept(target, monkeypatch, wins):
             self.count = 0
 
         def begin(self, z):
-            return z
+            return Progress(z, None)
 
-        def go_on(self, problem, z, on_progress):
+        def go_on(self, problem, begun, on_progress=None):
+            z = begun.z
             i, self.count = self.count, self.count + 1
             converged, loss = (True, 1.0) if i == wins else (i != (wins + 1) % 3, 2.0)
             loss = loss if converged else 0.5

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from cloudjax import nominal_bands
 from cloudjax_scenes.band_image import BandImage, BandPicture
@@ -22,11 +22,8 @@ def frame(level: float, title: str) -> Frame:
 
 def shades(path) -> list[np.ndarray]:
     with Image.open(path) as film:
-        pictures = []
-        for i in range(film.n_frames):
-            film.seek(i)
-            pictures.append(np.asarray(film.convert("L"), float))
-    return pictures
+        frames = ImageSequence.Iterator(film)
+        return [np.asarray(frame.convert("L"), float) for frame in frames]
 
 
 @pytest.mark.parametrize("suffix", ["webp", "gif"])

@@ -2,6 +2,7 @@
 
 import dataclasses
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def write(path, turned_deg, time, speed_m_s=SPEED_M_S, driest=40.0):
             (name, level): np.broadcast_to(np.asarray(v, float), φ.shape)
             for name, v in values.items()
         }
-    axes = {"latitude_deg": LATITUDE, "longitude_deg": LONGITUDE}
+    axes: dict[str, Any] = {"latitude_deg": LATITUDE, "longitude_deg": LONGITUDE}
     return read_weather(write_grib(path, fields, time=time, **axes))
 
 
@@ -69,6 +70,7 @@ def cloud_of(made: World, time, winds=None) -> FractalCloud:
 def cover(made: World, time, turned_deg=0.0):
     """The cover, or the probit of it, at places of the middle latitudes."""
     mask = cloud_of(made, time).mask
+    assert mask is not None
     φ, λ = np.meshgrid(np.arange(-50.0, 51, 5), np.arange(-180.0, 180, 1.0))
     where = λ - turned_deg
     return mask.cover(φ, where) if isinstance(mask, CoverMask) else mask(φ, where)
@@ -119,7 +121,8 @@ def test_covers_of_still_air_are_linear_in_time(tmp_path):
 def drifts(cloud: FractalCloud):
     """Of each ladder, at some places."""
     places = up(np.array([-50.0, 0.0, 35.0]), np.array([-120.0, 10.0, 179.0]))
-    return [np.asarray(m.displacement_of(places)) for m in cloud.displacements]
+    maps = [m for m in cloud.displacements or () if m is not None]
+    return [np.asarray(one.displacement_of(places)) for one in maps]
 
 
 def test_a_film_begins_with_the_still(series):
