@@ -103,8 +103,8 @@ def _by_differences(problem, z):
     compiled = jax.jit(residuals)
     columns = []
     for i in range(len(z)):
-        # Of the vaguest prior a hundredth is a change of 3 %: it bends the residuals. Of
-        # the gain of the mask a thousandth is 4 % rounding, for it moves the steps.
+        # Of the vaguest prior a hundredth is a change of 3 %: it bends the residuals.
+        # Of the gain of the mask a thousandth is 4 % rounding, for it moves the steps.
         up, down = (compiled(z.at[i].add(s), problem) for s in (0.003, -0.003))
         columns.append((np.asarray(up) - np.asarray(down)) / 0.006)
     return np.array(columns, float).T
