@@ -268,10 +268,13 @@ class Profile(eqx.Module):
         last = self.values.shape[-1] - 1
         place = part * last if self.ends else part * (last + 1) - 0.5
         place = jnp.clip(place, 0, last)
-        # Not by index: a gather is compiled for long, and scatters in reverse mode.
-        points = jnp.arange(last + 1, dtype=place.dtype)[None, None]
-        hat = jnp.maximum(1 - jnp.abs(place[..., None] - points), 0)
-        return jnp.einsum("rsp,rp->rs", hat, self.values, precision="highest")
+        low = jnp.floor(place).astype(jnp.int32)
+        # By index: sums over all values weighted by hats take nine times as long.
+        before, after = (
+            jnp.take_along_axis(self.values, i, axis=-1, mode="clip")
+            for i in (low, jnp.minimum(low + 1, last))
+        )
+        return before + (place - low) * (after - before)
 
 
 def to_points(steps: int, points: int) -> Float[np.ndarray, "{steps} {points}"]:
