@@ -7,7 +7,6 @@ repeats; each fit is done once.
 """
 
 import argparse
-import dataclasses
 import json
 import os
 import platform
@@ -32,6 +31,8 @@ from cloudjax_fit.solver import Solver
 from cloudjax_fit.targets import Target
 from cloudjax_fit.versions import versions
 from cloudjax_scenes import SceneFromImagery, SimulatedImage, simulate_image
+from cloudjax_scenes.quality import Quality
+from cloudjax_scenes.trade.trial import band_error
 
 
 RAYS = (1024, 2048, 4096, 8192)
@@ -101,14 +102,12 @@ def _w1_over_std(target: Target, image: SimulatedImage) -> dict[int, float]:
 
 def run_renderings(target: Target, scene: Scene) -> list[dict]:
     """Each case once for its image and to compile, then all of them in turns."""
-    grid = target.imagery.grid
-    every = grid.rays()
-    _, hit = every.ground(grid.ellipsoid)
-    rays = every[np.flatnonzero(hit)[::THINNING]]
+    every, _ = target.imagery.on_earth()
+    rays = every[::THINNING]
     sun = sun_direction(target.imagery.time)
 
     def prepared(steps: int) -> Callable[[], np.ndarray]:
-        of_steps = with_steps(scene, steps)
+        of_steps = Quality(steps=steps).of_scene(scene)
         image = prepare(of_steps, rays, sun)
 
         def run() -> np.ndarray:
@@ -135,21 +134,12 @@ def run_renderings(target: Target, scene: Scene) -> list[dict]:
     return rows
 
 
-def with_steps(scene: Scene, steps: int) -> Scene:
-    layers = tuple(dataclasses.replace(layer, steps=steps) for layer in scene.layers)
-    return dataclasses.replace(scene, layers=layers)
-
-
 def _errors(bands: Sequence[int], image: np.ndarray, truth: np.ndarray) -> dict:
     """Of all pixels, over the standard deviation of the reference."""
-    rmse = np.sqrt(((image - truth) ** 2).mean(1)) / truth.std(1)
-    w1 = [
-        distances(known, seen).w1_over_std
-        for seen, known in zip(image, truth, strict=True)
-    ]
+    found = dict(zip(bands, map(band_error, image, truth), strict=True))
     return {
-        "rmse_over_std": dict(zip(bands, rmse.tolist(), strict=True)),
-        "w1_over_std": dict(zip(bands, w1, strict=True)),
+        "rmse_over_std": {number: error.rmse for number, error in found.items()},
+        "w1_over_std": {number: error.w1 for number, error in found.items()},
     }
 
 

@@ -120,17 +120,15 @@ class SceneRender:
 
     def _chosen(self, inputs):
         """The quality that is asked, and the choice that told, if one did."""
-        from cloudjax_fit.fitted_image import fitted_scene, fitted_values
         from cloudjax_scenes.quality import Quality
-        from cloudjax_scenes.trade.subjects import kind_of
+        from cloudjax_scenes.trade.subjects import imagery_kind
 
         if not self.quality.by_front:
             return self.quality.by_hand(Quality(steps=inputs.settings.fit.steps)), None
-        scene = fitted_scene(
-            inputs, fitted_values(inputs), shadows=self.quality.shadows
-        )
-        _, hit = inputs.made_of.imagery.grid.rays().ground()
-        choice = self.quality.by_measure(kind_of("imagery", scene), int(hit.sum()))
+        imagery, light = inputs.made_of.imagery, inputs.made_of.light
+        _, hit = imagery.on_earth()
+        kind = imagery_kind(imagery, light, self.quality.shadows)
+        choice = self.quality.by_measure(kind, int(hit.sum()))
         return choice.quality, choice
 
 

@@ -16,7 +16,7 @@ from cloudjax_fit.parameter_file import read_parameters
 from cloudjax_scenes.model_scene import ModelWorld
 from cloudjax_scenes.quality import Quality
 from cloudjax_scenes.sensors import read_sensor
-from cloudjax_scenes.trade.subjects import kind_of, sensor_subject, some_of
+from cloudjax_scenes.trade.subjects import imagery_kind, sensor_subject, some_of
 from cloudjax_scenes.trade.trial import Subject
 from cloudjax_scenes.weather_scene import open_world
 
@@ -85,12 +85,10 @@ def folder_subject(name: str, inputs: FitInputs, shadows: int) -> Subject:
         shaded = replace(whole, shadows=light.shadows(quality.shadows))
         return quality.of_scene(shaded)
 
-    rays = imagery.grid.rays()
-    _, hit = rays.ground(imagery.grid.ellipsoid)
-    rays = rays[hit]
+    rays, _ = imagery.on_earth()
     return Subject(
         name=name,
-        kind=kind_of("imagery", whole),
+        kind=imagery_kind(imagery, light, shadows),
         scene=scene,
         rays=some_of(rays),
         sun_direction=sun_direction(imagery.time),

@@ -4,8 +4,6 @@ Both pages are one template filled with plain data, so that they can be written 
 fit, from files, or from a test. They open offline.
 """
 
-import functools as ft
-import importlib.resources
 import json
 import math
 import os
@@ -15,13 +13,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-import jinja2
 import numpy as np
 from jaxtyping import Num
 
 from cloudjax_data.whole_files import write_text_whole
 from cloudjax_fit import figures
 from cloudjax_scenes.display import Display
+from cloudjax_scenes.html_template import html_template
 from cloudjax_scenes.quantity import RADIANCE, Quantity
 
 from .comparison import BandComparison, Comparison, comparison_json
@@ -337,22 +335,10 @@ def _curve(
     return Curve(label, sample_of(values[usable], weights[usable]), stroke)
 
 
-@ft.cache
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": format_number, "with_std": format_with_std}
-    folder = importlib.resources.files("cloudjax_fit")
-    text = (folder / "report.html.jinja").read_text(encoding="utf-8")
-    return environment.from_string(text)
-
-
 def _render(page: _Page) -> str:
-    return _template().render(page=page, fit=page.fit, dash=DASH)
+    filters = {"number": format_number, "with_std": format_with_std}
+    template = html_template("cloudjax_fit", "report.html.jinja", filters)
+    return template.render(page=page, fit=page.fit, dash=DASH)
 
 
 def _exponent(number: Real) -> int:

@@ -5,15 +5,14 @@ import io
 import math
 import os
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 import xarray as xr
 
 from cloudjax_data.whole_files import staged
+from cloudjax_scenes.html_template import html_template
 from cloudjax_scenes.netcdf import write_netcdf
 
 from .fitting import CONVERGED
@@ -64,7 +63,8 @@ def write_summary(
         (aside / TABLE).write_text(_csv(data), encoding="utf-8-sig", newline="")
         write_netcdf(aside / DATA, data)
         pages = [one.page for one in outcomes]
-        page = _template().render(
+        template = html_template("cloudjax_fit", "scene_summary.html.jinja")
+        page = template.render(
             title=title,
             columns=[name for name in _columns(data) if name != "converged"],
             rows=zip(pages, _rows(data), strict=True),
@@ -113,14 +113,3 @@ def _plain(value: Any) -> Any:
     if not isinstance(value, float):
         return value
     return float(f"{value:.6g}") if math.isfinite(value) else ""
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    text = files("cloudjax_fit").joinpath("scene_summary.html.jinja")
-    return environment.from_string(text.read_text(encoding="utf-8"))

@@ -9,12 +9,13 @@ from datetime import datetime
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from cloudjax import (
     Band,
     EmissiveBands,
     FixedGrid,
+    Rays,
     ReflectiveBands,
     Scene,
     TwoFlux,
@@ -57,6 +58,12 @@ class Imagery:
     background: Background
     evidence: dict[str, ClassEvidence] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def on_earth(self) -> tuple[Rays, Bool[np.ndarray, " pixels"]]:
+        """Return the rays that see the Earth, and which of all pixels do."""
+        every = self.grid.rays()
+        _, hit = every.ground(self.grid.ellipsoid)
+        return every[hit], hit
 
     @property
     def sunlit(self) -> list[Band]:

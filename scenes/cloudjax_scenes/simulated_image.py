@@ -49,9 +49,7 @@ def simulate_image(scene: Scene, made_of: SceneFromImagery) -> SimulatedImage:
     - `scene`: built of `made_of`, perhaps with other parameters.
     """
     imagery = made_of.imagery
-    every = imagery.grid.rays()
-    _, hit = every.ground(imagery.grid.ellipsoid)
-    rays = every[hit]
+    rays, hit = imagery.on_earth()
     image = render(
         scene,
         rays,

@@ -10,7 +10,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -76,7 +76,7 @@ class Front:
 
     **Fields:**
 
-    - `kind`: of scene, see `subjects.kind_of`.
+    - `kind`: of scene, see `subjects.py`.
     - `subjects`: names of what was rendered.
     - `pixels`: of the whole image, for which seconds are told.
     - `sample`: pixels that were rendered.
@@ -210,11 +210,8 @@ def front_for(kind: str) -> tuple[Front, str]:
 
 @ft.cache
 def _shipped() -> tuple[Front, ...]:
-    folder: Callable[[], Iterator] = (
-        importlib.resources.files("cloudjax_scenes.trade").joinpath("fronts").iterdir
-    )
+    folder = importlib.resources.files("cloudjax_scenes.trade") / "fronts"
     return tuple(
         Front.of_json(json.loads(file.read_text(encoding="utf-8")))
-        for file in sorted(folder(), key=lambda one: one.name)
-        if file.name.endswith(".json")
+        for file in folder.iterdir()
     )

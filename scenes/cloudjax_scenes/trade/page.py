@@ -1,14 +1,13 @@
 """The page of a trade: one picture of error against time, and a table of the front."""
 
 import base64
-import functools as ft
-import importlib.resources
 import io
 from typing import Any
 
-import jinja2
 import matplotlib
 from matplotlib.figure import Figure
+
+from cloudjax_scenes.html_template import html_template
 
 from .fronts import Front
 from .trial import Trial
@@ -32,7 +31,8 @@ def trade_page(front: Front, command: str) -> str:
     **Arguments:** `command`: that renders the scene, to which a quality's options are
     added.
     """
-    return _template().render(
+    template = html_template("cloudjax_scenes.trade", "page.html.jinja")
+    return template.render(
         front=front,
         best=front.best,
         bands=sorted(front.trials[0].errors),
@@ -75,15 +75,3 @@ def _shown(trial: Trial) -> float:
 
 def _places(trials) -> tuple[list[float], list[float]]:
     return [t.seconds for t in trials], [_shown(t) for t in trials]
-
-
-@ft.cache
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    file = importlib.resources.files("cloudjax_scenes.trade") / "page.html.jinja"
-    return environment.from_string(file.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Subjects of trials: a sensor over weather."""
+"""Subjects of trials, and the kinds of scenes that a front serves."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -8,7 +8,8 @@ import numpy as np
 
 from cloudjax import Band, Rays, Scene
 from cloudjax_data import sun_direction
-from cloudjax_scenes.lights import light_of
+from cloudjax_scenes.imagery import Imagery
+from cloudjax_scenes.lights import Light
 from cloudjax_scenes.model_scene import ModelWorld
 from cloudjax_scenes.quality import Quality
 from cloudjax_scenes.sensor_image import is_day
@@ -31,18 +32,16 @@ def some_of(rays: Rays, count: int = PIXELS) -> Rays:
     return rays[np.sort(few)]
 
 
-def kind_of(source: str, scene: Scene) -> str:
-    """Name the kind of a scene: where its clouds are from, its light, what is seen."""
-    parts = scene.reflective, scene.emissive, scene.shadows
-    seen = [part is not None for part in parts]
-    return _kind(source, light_of(scene).name, *seen)
+def imagery_kind(imagery: Imagery, light: Light, shadows: int) -> str:
+    """Name the kind of a scene from imagery, by its light and what its bands see."""
+    seen = bool(imagery.sunlit), bool(imagery.emissive), shadows > 0
+    return _kind("imagery", light.name, *seen)
 
 
 def _kind(source: str, light: str, sunlit: bool, thermal: bool, shaded: bool) -> str:
     named = (sunlit, "sunlit"), (thermal, "thermal"), (shaded and sunlit, "shaded")
-    return (
-        f"{source} in {light} light, {' '.join(name for is_so, name in named if is_so)}"
-    )
+    seen = " ".join(name for is_so, name in named if is_so)
+    return f"{source} in {light} light, {seen}"
 
 
 def kind_and_pixels(
@@ -56,19 +55,18 @@ def kind_and_pixels(
     every = int(np.prod(view.shape))
     some = np.unique(np.linspace(0, every - 1, min(every, _LOOKED_AT)).astype(int))
     ground, hit = view.rays(some).ground()
-    day = is_day(ground, hit, sun)
-    kind = _kind(
-        _source(world),
+    kind = _world_kind(world, bands, day=is_day(ground, hit, sun))
+    return kind, max(round(every * float(hit.mean())), 1)
+
+
+def _world_kind(world: World | ModelWorld, bands: Sequence[Band], *, day: bool) -> str:
+    return _kind(
+        "weather" if isinstance(world, World) else "model",
         world.light,
         any(band.reflective or (day and band.sunlit) for band in bands),
         any(not band.reflective for band in bands),
         world.shadows > 0,
     )
-    return kind, max(round(every * float(hit.mean())), 1)
-
-
-def _source(world: World | ModelWorld) -> str:
-    return "weather" if isinstance(world, World) else "model"
 
 
 def sensor_subject(
@@ -92,7 +90,7 @@ def sensor_subject(
     rays = rays[hit] if hit.any() else rays
     return Subject(
         name=f"{sensor.name} over {', '.join(world.sources)}",
-        kind=kind_of(_source(world), scene(Quality(shadows=world.shadows))),
+        kind=_world_kind(world, chosen, day=day),
         scene=scene,
         rays=some_of(rays),
         sun_direction=sun,
