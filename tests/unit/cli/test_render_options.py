@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cloudjax import Shadows
+from cloudjax_scenes.trade.fronts import front_for
 from tests.commands import run, sentence_of
 from tests.scenes import write_scene
 from tests.weather_scenes import MESO, NOON, write_inputs
@@ -154,3 +155,30 @@ def test_a_scene_is_rendered_with_the_fitted_values(scene, tmp_path, simulated):
     assert float(plain.emissive.gain[0]) == 1.0
     for one, other in zip(plain.layers, fitted.layers, strict=True):
         assert float(one.cloud.function.top_m) == float(other.cloud.function.top_m)
+
+
+def _spent(scene) -> set[tuple[int, int]]:
+    """Steps and nodes of its layers."""
+    return {(la.steps, la.cloud.latent.nodes.shape[0]) for la in scene.layers}
+
+
+def test_a_scene_is_of_the_quality_that_was_asked(scene, simulated, tmp_path):
+    _scene(scene, tmp_path, "--light", "physical", "--quality", "draft")
+    _scene(scene, tmp_path, "--light", "physical", "--nodes", 2, "--no-scattering")
+    (draft, _), (by_hand, _) = simulated
+    assert _spent(draft) == {(6, 1)}
+    assert draft.emission is not None
+    assert _spent(by_hand) == {(24, 2)}
+    assert by_hand.emission is None
+
+
+def test_the_front_that_ships_serves_scenes_from_imagery(
+    scene, simulated, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("platformdirs.user_data_path", lambda _: tmp_path)
+    front, source = front_for("imagery in physical light, sunlit thermal")
+    assert "shipped" in source
+    wanted = front.within_error(0.05).quality
+    _scene(scene, tmp_path, "--light", "physical", "--max-error", "5%")
+    ((shown, _),) = simulated
+    assert _spent(shown) == {(wanted.steps, wanted.nodes)}
