@@ -3,12 +3,15 @@
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from cloudjax import (
+    CoarseFields,
     EmittingSlabs,
     FractalCloud,
+    LatLonGrid,
     PlaneParallel,
     Scene,
     Shell,
@@ -37,13 +40,20 @@ OF_BANDS = {
 DEEP = Shell(100.0, 12e3)
 
 
-def _scene(steps: int, *, movable: bool, paper: bool = False) -> Scene:
+def _scene(
+    steps: int,
+    *,
+    movable: bool,
+    paper: bool = False,
+    fields: CoarseFields | None = None,
+) -> Scene:
     """Cloud of 1 km in a shell of 12 km."""
     cloud = fractal_cloud(
         DEEP, nodes=3, base_m=3000.0, top_m=4000.0, barrier_scale_m=250.0
     )
+    cloud = replace(cloud, movable=movable, fields=fields)
     scene = make_scene(
-        [layer(replace(cloud, movable=movable), steps=steps, **OF_BANDS)],
+        [layer(cloud, steps=steps, **OF_BANDS)],
         reflective_bands(1),
         emissive_bands(13),
     )
@@ -98,3 +108,18 @@ def test_narrowed_ways_follow_the_parameters():
     seen = np.asarray(scene.total(jax.jit(radiances)(moved(scene), view)), float)
     true = _seen(moved(_scene(600, movable=False)))
     assert _error(seen, true).max() < 0.005
+
+
+def test_narrowed_ways_are_where_coarse_fields_have_the_cloud():
+    """As above; the fields raise tops by 1 to 4 km, and roughen clouds by up to e^0.6.
+
+    The truth is the whole shell in 600 steps. 48 steps where cloud can be on each ray
+    err by less than 0.5 % of the standard deviation.
+    """
+    axes = np.linspace(18.0, 22.0, 5), np.linspace(8.0, 12.0, 5)
+    east = np.broadcast_to(np.linspace(0, 1, 5), (5, 5))
+    nodes = np.stack([0 * east, 1000 + 3000 * east, 0.6 * east.T], axis=-1)
+    fields = CoarseFields(jnp.asarray(nodes, float), LatLonGrid.from_axes(*axes))
+    true = _seen(_scene(600, movable=False, fields=fields))
+    narrowed = _seen(_scene(48, movable=True, fields=fields))
+    assert _error(narrowed, true).max() < 0.005
