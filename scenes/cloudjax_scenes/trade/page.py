@@ -59,7 +59,10 @@ def _picture(front: Front) -> str:
             )
         axes.set_xscale("log")
         axes.set_yscale("log")
-        axes.margins(x=0.15)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter("{x:g}")
+        axes.margins(x=0.2, y=0.1)
         axes.set_xlabel(f"seconds for {front.pixels} pixels, once compiled")
         axes.set_ylabel("RMSE over standard deviation, worst band, %")
         axes.grid(visible=True, which="both", color="#eceef1", linewidth=0.6)
