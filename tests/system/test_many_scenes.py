@@ -130,7 +130,7 @@ def test_ctrl_c_ends_with_the_best_so_far(scenes, monkeypatch, tmp_path):
 def test_several_images_go_into_a_folder(scenes, monkeypatch, tmp_path):
     rendered = []
 
-    def fitted_image(inputs, *, shadows):
+    def fitted_image(inputs, quality):
         rendered.append(inputs.target.imagery.name)
         return made_up_result(inputs).image, {}
 
