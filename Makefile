@@ -15,7 +15,7 @@ test: $(VENV)/installed-dev
 		-m "not slow"
 
 test-slow: $(VENV)/installed-dev
-	$(BIN)/python -m pytest -m slow
+	XLA_FLAGS="$(XLA_FLAGS)" $(BIN)/python -m pytest -m slow
 
 # Replaces the results that tests/regression has stored, and says what moved by how much.
 regression-update: $(VENV)/installed-dev

@@ -9,11 +9,19 @@ import pytest
 
 
 ROOT = Path(__file__).parents[1]
+# Nearly all time of the suite is that of compiling, and these halve it; `make test-slow`
+# sets `XLA_FLAGS` to nothing and compiles as users do.
+QUICK = {
+    "xla_cpu_use_fusion_emitters": "false",
+    "xla_backend_optimization_level": "0",
+    "xla_llvm_disable_expensive_passes": "true",
+}
 # Functions compiled by one test serve the others, in other processes and in later runs.
 # In the environment, for JAX reads it at its import, also in the processes that tests
 # start; a size makes JAX lock the folder, which several workers share.
 KEPT = ROOT / ".pytest_cache" / f"jax-{version('jax')}-{version('jaxlib')}"
 for name, value in {
+    "XLA_FLAGS": " ".join(f"--{flag}={value}" for flag, value in QUICK.items()),
     "JAX_COMPILATION_CACHE_DIR": str(KEPT),
     "JAX_COMPILATION_CACHE_MAX_SIZE": str(2 * 1024**3),
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
