@@ -9,8 +9,8 @@ import pytest
 
 
 ROOT = Path(__file__).parents[1]
-# Nearly all time of the suite is that of compiling, and these halve it; `make test-slow`
-# sets `XLA_FLAGS` to nothing and compiles as users do.
+# Nearly all time of the suite is that of compiling, and these halve it. The variable is
+# empty in `make test-slow`, which compiles as users do.
 QUICK = {
     "xla_cpu_use_fusion_emitters": "false",
     "xla_backend_optimization_level": "0",
