@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import click
 import numpy as np
@@ -112,8 +111,9 @@ class SceneRender:
         quantities = chosen_quantities(self.quantities, imagery.bands.values())
         quality, choice = self._chosen(inputs)
         image, values = fitted_image(inputs, quality)
-        given: dict[str, Any] = {"shadows": quality.shadows, "asked": asked}
-        write_image_and_picture(path, image, imagery, values, seed, quantities, **given)
+        write_image_and_picture(
+            path, image, imagery, values, seed, quantities, quality=quality, asked=asked
+        )
         if choice is not None:
             choice.tell()
         return float(image.cloud[np.isfinite(image.radiance[0])].mean())

@@ -19,6 +19,7 @@ from cloudjax_data.whole_files import staged
 from cloudjax_scenes.band_image import BandImage
 from cloudjax_scenes.image_file import image_dataset
 from cloudjax_scenes.netcdf import write_netcdf
+from cloudjax_scenes.quality import Quality
 
 from .cautions import missing_share
 from .condensate import OBSERVED_WATER, Condensate
@@ -73,7 +74,9 @@ def write_fit(
     title = f"Parameters of {imagery.name}, {imagery.platform}, {_time(result)}"
     if result.interrupted:
         title += f": {result.status}"
-    image = image_dataset(result.image, imagery, values, result.settings.seed)
+    settings = result.settings
+    quality = Quality(steps=settings.steps)
+    image = image_dataset(result.image, imagery, values, settings.seed, quality=quality)
     textures = _textures(result, observed_images or {})
     numbers = fit_numbers(result, textures) | {"asked": asked}
     with staged(folder, last=NUMBERS) as aside:

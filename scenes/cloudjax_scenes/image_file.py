@@ -15,6 +15,7 @@ from cloudjax_data.whole_files import staged
 from .band_image import BandImage, write_band_picture
 from .imagery import Imagery
 from .netcdf import write_netcdf
+from .quality import STANDARD, Quality, quality_attributes
 from .quantity import RADIANCE, Quantity
 from .simulated_image import SimulatedImage
 
@@ -26,14 +27,14 @@ def image_dataset(
     seed: int,
     quantities: Sequence[Quantity] = (RADIANCE,),
     *,
-    shadows: int = 0,
+    quality: Quality = STANDARD,
     asked: str = "",
 ) -> xr.Dataset:
     """A CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`.
 
     **Arguments:**
 
-    - `shadows`: the steps of its shadows.
+    - `quality`: it was rendered with.
     - `asked`: a digest of what the run was asked to do, to be known again by.
     """
     coordinates = fixed_grid_coordinates(imagery.grid)
@@ -62,8 +63,8 @@ def image_dataset(
             "cloud_rule": str(imagery.rule),
             "parameters": json.dumps(dict(parameters)),
             "seed": seed,
-            "shadow_steps": shadows,
         }
+        | quality_attributes(quality)
         | ({"asked": asked} if asked else {}),
     )
 
@@ -76,7 +77,7 @@ def write_image_and_picture(
     seed: int,
     quantities: Sequence[Quantity] = (RADIANCE,),
     *,
-    shadows: int = 0,
+    quality: Quality = STANDARD,
     asked: str = "",
 ) -> None:
     """Write a netCDF file, and a PNG of the same name beside it.
@@ -94,8 +95,9 @@ def write_image_and_picture(
             panel_inches=4.6,
             missing="#dbe6f2",
         )
-        told = {"shadows": shadows, "asked": asked}
-        data = image_dataset(image, imagery, parameters, seed, quantities, **told)
+        data = image_dataset(
+            image, imagery, parameters, seed, quantities, quality=quality, asked=asked
+        )
         write_netcdf(aside / path.name, data)
 
 

@@ -73,6 +73,27 @@ class Quality:
         return " ".join(said)
 
 
+# How files call the knobs.
+_ATTRIBUTES = {
+    "steps": "steps",
+    "nodes": "nodes",
+    "shadows": "shadow_steps",
+    "scattering": "thermal_scattering",
+}
+
+
+def quality_attributes(rendered: Quality | World | ModelWorld) -> dict[str, int]:
+    """Return the attributes of a file that say how well it was rendered.
+
+    Those of the knobs that are there: a model's own columns have no nodes.
+    """
+    return {
+        name: int(getattr(rendered, knob))
+        for knob, name in _ATTRIBUTES.items()
+        if hasattr(rendered, knob)
+    }
+
+
 # What a look needs, what is usual, and what others are compared with.
 DRAFT = Quality(steps=6, nodes=1)
 STANDARD = Quality()

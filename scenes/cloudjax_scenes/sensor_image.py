@@ -29,6 +29,7 @@ from cloudjax_data import (
 
 from .band_image import BandImage, write_band_picture
 from .model_scene import ModelWorld
+from .quality import quality_attributes
 from .quantity import RADIANCE, Quantity
 from .sensors import Sensor
 from .weather_scene import World
@@ -194,10 +195,9 @@ def sensor_dataset(
             "platform": image.sensor.platform,
             "weather": ", ".join(world.sources),
             "seed": world.seed,
-            "steps": world.steps,
             "light": world.light,
-            "shadow_steps": world.shadows,
-        },
+        }
+        | quality_attributes(world),
     )
 
 

@@ -194,7 +194,7 @@ GIVEN = ("--weather", "gfs.grib2", "--classes", "classes.toml")
         (("abi-meso-10km", *GIVEN), "without a place"),
         ((*MESO, *GIVEN, "--time", "2019-10-28T09:00"), "hours from 2019-10-28 09:00"),
         ((*MESO, *GIVEN, "--frames", "9"), "hours from 2019-10-27 22:00"),
-        ((*MESO, *GIVEN, "--steps", "0"), "steps = 0"),
+        ((*MESO, *GIVEN, "--steps", "0"), "--steps"),
         ((*MESO, *GIVEN, "--seed", "-1"), "seed = -1"),
         ((*MESO, *GIVEN, "--minutes", "0"), "--minutes"),
         ((*MESO, *GIVEN, "--shadows", "6", "--light", "paper"), "use --light physical"),

@@ -85,7 +85,10 @@ def test_a_file_is_read_back_as_it_was(tmp_path, world, view):
         # CF separates meanings by blanks.
         assert data["cloud_class"].attrs["flag_meanings"] == "clear fog high_cloud"
         assert data.attrs["seed"] == 5
+        assert data.attrs["steps"] == world.steps
+        assert data.attrs["nodes"] == world.nodes
         assert data.attrs["shadow_steps"] == 0
+        assert data.attrs["thermal_scattering"] == 1
         assert data.attrs["weather"] == "gfs.grib2"
         assert ("latitude" in data.coords) == (view is CAMERA)
         assert ("goes_imager_projection" in data.coords) == (view is GRID)
