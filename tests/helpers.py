@@ -260,7 +260,9 @@ class GivenGround(_BrightGround):
 
     radiances: BandRadiances
 
-    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+    def look(
+        self, rays, places, hit, sun_direction, reflective, emissive
+    ) -> GroundSamples:
         both = self.radiances.reflective, self.radiances.emissive
         given = ClearRadiances(*(None if x is None else x.T for x in both))
         return GroundSamples.of(places, hit, sun_direction, properties=given)
@@ -269,7 +271,9 @@ class GivenGround(_BrightGround):
 class PlacesGround(_BrightGround):
     """Radiances without cloud that tell every place from all others."""
 
-    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+    def look(
+        self, rays, places, hit, sun_direction, reflective, emissive
+    ) -> GroundSamples:
         ramp = (places.latitude_deg + places.longitude_deg / 7)[:, None] / 10
 
         def levels(bands, first):

@@ -56,9 +56,11 @@ class ImagerySky(ClearSky):
             thermal=tuple(band.number for band in imagery.emissive),
         )
 
-    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+    def look(
+        self, rays, places, hit, sun_direction, reflective, emissive
+    ) -> GroundSamples:
         """Interpolate the radiances to the places, and part those of band 7."""
-        samples = super().look(places, hit, sun_direction, reflective, emissive)
+        samples = super().look(rays, places, hit, sun_direction, reflective, emissive)
         clear: ClearRadiances = samples.properties
         if self.surface is None or clear.reflective is None or clear.emissive is None:
             return samples

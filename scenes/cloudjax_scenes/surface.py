@@ -4,8 +4,8 @@ Reflectances are round numbers within what is published, the same for all land: 
 serve to put clouds over something plausible. The renderer multiplies by the cosine of
 the solar zenith angle.
 
-- sea: Fresnel's reflection of skylight, whitecaps, and light from below in the blue.
-  The glint of the sun is left out.
+- sea: Fresnel's reflection of skylight, whitecaps, and light from below in the blue;
+  and the glint of the sun (`cloudjax.light.sea`), by the wind that the weather has.
 - vegetation: 0.47 and 0.64 µm are near the quarter and the half of 2.2 µm that Kaufman
   et al. (1997, IEEE TGRS 35, 1286) find over dark vegetation.
 - bare ground: dry soil and sand, as in the ECOSTRESS spectral library (Baldridge et al.
@@ -15,19 +15,25 @@ the solar zenith angle.
 - 3.9 µm: one less the emissivity of sea (Masuda et al. 1988, Remote Sens. Environ. 24,
   313), plants and soil (Seemann et al. 2008, J. Appl. Meteorol. Climatol. 47, 108) and
   snow (Dozier & Warren 1982, Water Resour. Res. 18, 1219).
+- refraction of water: Segelstein (1981, M.S. thesis, University of Missouri, Kansas
+  City).
 """
 
 import functools as ft
 import importlib.resources
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
+from cloudjax.geometry.geodesy import dot, up
 from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax.geometry.path import device_array
+from cloudjax.geometry.rays import GroundPoints, Rays
 from cloudjax.light.ground import AbstractMappedGround, GroundSamples, Lambertian
 from cloudjax.light.optics import LAST_SUNLIT_BAND
+from cloudjax.light.sea import glint, slope_variance
 from cloudjax_data import WeatherCube
 
 
@@ -36,6 +42,9 @@ SEA = (0.045, 0.030, 0.015, 0.010, 0.008, 0.005, 0.02)
 VEGETATION = (0.03, 0.06, 0.32, 0.24, 0.20, 0.11, 0.04)
 BARE = (0.14, 0.26, 0.36, 0.42, 0.44, 0.40, 0.25)
 SNOW = (0.80, 0.80, 0.70, 0.40, 0.10, 0.05, 0.03)
+REFRACTION = (1.342, 1.331, 1.324, 1.314, 1.309, 1.282, 1.340)
+# Of the wind over the oceans (Archer & Jacobson 2005, J. Geophys. Res. 110, D12110).
+MEAN_WIND_M_S = 6.6
 # About a third of all land is arid.
 BARE_SHARE = 1 / 3
 # Snow and ice cover half the ground at the middle, all of it at the lower end.
@@ -43,6 +52,8 @@ SNOW_K = (260.0, 270.0)
 STANDARD_K = 288.15
 LAPSE_K_M = 6.5e-3
 
+# Of the wind that slopes are for, and of the sea for it.
+_WIND_HEIGHT_M, _ROUGHNESS_M = 10.0, 2e-4
 _CELL_DEG = 0.1
 _LEVELS = 15
 
@@ -55,34 +66,38 @@ class Surface(AbstractMappedGround):
     - `land_share`: 0 at sea, 1 on land, at the nodes of `land_grid`.
     - `skin_k`: temperature of the skin at the nodes of `weather_grid`.
     - `height_m`: of the ground above sea level, there too.
+    - `wind_m_s`: over the sea, there too.
     """
 
     land_share: Float[np.ndarray, "rows columns"]
     land_grid: LatLonGrid
     skin_k: Float[np.ndarray, "lat lon"]
     height_m: Float[np.ndarray, "lat lon"]
+    wind_m_s: Float[np.ndarray, "lat lon"]
     weather_grid: LatLonGrid
 
     @classmethod
     def of(cls, cube: WeatherCube | None = None) -> "Surface":
-        """Make it from weather; without, it is at 288.15 K everywhere, at sea level.
+        """Make it from weather; without, it is at 288.15 K everywhere, at sea level,
+        in a wind of 6.6 m/s.
 
         The temperature is that of the skin where the weather has it, else of the lowest
         air above ground, brought down by 6.5 K/km; beyond a regional analysis the mean
         of what it has.
         """
-        share, land_grid = _land_share()
         if cube is None:
             grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.arange(0, 360, 120))
             kelvin = np.full(grid.shape, STANDARD_K)
-            return cls(share, land_grid, kelvin, np.zeros(grid.shape), grid)
+            return cls.as_warm_as(kelvin, np.zeros(grid.shape), grid)
+        share, land_grid = _land_share()
         data = cube.regular(0.25).data
         axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
         kelvin = _skin(data)
         height = np.zeros(kelvin.shape)
         if "orog" in data:
             height = np.nan_to_num(data["orog"].to_numpy().astype(np.float64))
-        return cls(share, land_grid, kelvin, height, LatLonGrid.from_axes(*axes))
+        grid = LatLonGrid.from_axes(*axes)
+        return cls(share, land_grid, kelvin, height, _wind(data), grid)
 
     @classmethod
     def as_warm_as(
@@ -91,15 +106,21 @@ class Surface(AbstractMappedGround):
         height_m: Float[np.ndarray, "lat lon"],
         grid: LatLonGrid,
     ) -> "Surface":
-        """Make it as warm as air next to the ground, at heights, at places."""
-        return cls(*_land_share(), air_k, height_m, grid)
+        """Make it as warm as air next to the ground, at heights, at places, in a wind
+        of 6.6 m/s.
+        """
+        wind = np.full(grid.shape, MEAN_WIND_M_S)
+        return cls(*_land_share(), air_k, height_m, wind, grid)
 
-    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+    def look(
+        self, rays, places, hit, sun_direction, reflective, emissive
+    ) -> GroundSamples:
         """Read what the ground is like at the places."""
         place = places.latitude_deg, places.longitude_deg
-        albedo = emissivity = None
+        albedo = emissivity = mirrored = None
         if reflective is not None:
             albedo = device_array(self.reflectance(reflective.numbers, *place).T)
+            mirrored = self.glint(reflective.numbers, rays, places, sun_direction).T
         if emissive is not None:
             emissivity = device_array(self.emissivity(emissive.numbers, *place).T)
         kelvin = device_array(self.temperature_k(*place))
@@ -108,7 +129,7 @@ class Surface(AbstractMappedGround):
             hit,
             sun_direction,
             self.altitude_m(*place),
-            Lambertian(albedo, emissivity, kelvin),
+            Lambertian(albedo, emissivity, kelvin, mirrored),
         )
 
     def land_at(
@@ -147,9 +168,7 @@ class Surface(AbstractMappedGround):
     ) -> Float[np.ndarray, "bands points"]:
         """Give the Lambertian albedo in bands that see the sun, numbers 1 to 7."""
         land = self.land_at(latitude_deg, longitude_deg)
-        cold, warm = SNOW_K
-        temperature = self.temperature_k(latitude_deg, longitude_deg)
-        snow = np.clip((warm - temperature) / (warm - cold), 0, 1)
+        snow = self._snow(latitude_deg, longitude_deg)
         rows = []
         for band in bands:
             i = band - 1
@@ -157,6 +176,35 @@ class Surface(AbstractMappedGround):
             bare = land * ground + (1 - land) * SEA[i]
             rows.append(snow * SNOW[i] + (1 - snow) * bare)
         return np.stack(rows)
+
+    def glint(
+        self,
+        bands: Sequence[int],
+        rays: Rays,
+        places: GroundPoints,
+        sun_direction: Float[np.ndarray, "3"],
+    ) -> Float[Array, "bands rays"]:
+        """Give the reflectance factor of the sun's mirror image in water without ice,
+        in bands 1 to 7, where rays meet the ground.
+        """
+        place = places.latitude_deg, places.longitude_deg
+        vertical = up(*place)
+        wind = _read(self.wind_m_s, self.weather_grid, *place)
+        water = (1 - self.land_at(*place)) * (1 - self._snow(*place))
+        sun, view = vertical @ sun_direction, -dot(vertical, rays.direction)
+        angles = sun, view, rays.direction @ sun_direction
+        found = glint(
+            *(device_array(cosine) for cosine in angles),
+            slope_variance(device_array(wind)),
+            jnp.asarray([REFRACTION[band - 1] for band in bands], float),
+        )
+        return device_array(water)[None] * found
+
+    def _snow(self, latitude_deg, longitude_deg):
+        """The share of snow and ice."""
+        cold, warm = SNOW_K
+        temperature = self.temperature_k(latitude_deg, longitude_deg)
+        return np.clip((warm - temperature) / (warm - cold), 0, 1)
 
     def emissivity(
         self,
@@ -177,22 +225,35 @@ def _read(nodes, grid: LatLonGrid, latitude_deg, longitude_deg):
     return np.asarray(found)[..., 0]
 
 
+def _wind(data) -> Float[np.ndarray, "lat lon"]:
+    """Speed at 10 m: that of the lowest air, by the law of the wall over waves."""
+    above, u, v = _at_ground(data, "u", "v")
+    above = np.maximum(above, _WIND_HEIGHT_M)
+    slower = np.log(_WIND_HEIGHT_M / _ROUGHNESS_M) / np.log(above / _ROUGHNESS_M)
+    speed = (np.hypot(u, v) * slower).astype(np.float64)
+    return np.where(np.isfinite(speed), speed, MEAN_WIND_M_S)
+
+
 def _skin(data) -> Float[np.ndarray, "lat lon"]:
     if "t_surface" in data:
         field = data["t_surface"].to_numpy()
     else:
-        field = _air_at_ground(data)
+        above, air = _at_ground(data, "t")
+        field = air + LAPSE_K_M * above
     field = field.astype(np.float64)
     return np.where(np.isfinite(field), field, np.nanmean(field))
 
 
-def _air_at_ground(data) -> Float[np.ndarray, "lat lon"]:
-    height, air = data["gh"].to_numpy(), data["t"].to_numpy()
-    ground = data["orog"].to_numpy() if "orog" in data else np.zeros(height.shape[1:])
-    known = np.isfinite(height) & np.isfinite(air) & (height >= ground)
+def _at_ground(data, *names: str) -> list[Float[np.ndarray, "lat lon"]]:
+    """The height above ground of the lowest air that is known, and fields there; NaN
+    where none is.
+    """
+    height, *fields = (data[name].to_numpy() for name in ("gh", *names))
+    above = height - (data["orog"].to_numpy() if "orog" in data else 0.0)
+    known = np.isfinite(above) & (above >= 0) & np.isfinite(fields).all(axis=0)
     lowest = known.argmax(axis=0)[None]
-    z, t = (np.take_along_axis(field, lowest, axis=0)[0] for field in (height, air))
-    return np.where(known.any(axis=0), t + LAPSE_K_M * (z - ground), np.nan)
+    taken = (np.take_along_axis(field, lowest, axis=0)[0] for field in (above, *fields))
+    return [np.where(known.any(axis=0), field, np.nan) for field in taken]
 
 
 @ft.cache

@@ -17,7 +17,7 @@ from cloudjax.geometry.fixed_grid import FixedGrid
 from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid
 from cloudjax.geometry.path import device_array
-from cloudjax.geometry.rays import GroundPoints
+from cloudjax.geometry.rays import GroundPoints, Rays
 
 from .bands import EmissiveBands, ReflectiveBands
 
@@ -29,10 +29,13 @@ class Leaving(eqx.Module):
 
     - `reflectance`: factor πL/E in reflective bands; None where none is asked.
     - `radiance`: in emissive bands; None where none is asked.
+    - `glint`: factor πL/E of the sun's mirror image, beside `reflectance`; clouds hide
+      it, and diffuse light has none. None for ground without.
     """
 
     reflectance: Float[Array, "reflective rays"] | None
     radiance: Float[Array, "emissive rays"] | None
+    glint: Float[Array, "reflective rays"] | None = None
 
 
 class GroundSamples(eqx.Module):
@@ -83,6 +86,7 @@ class AbstractGround(eqx.Module):
     @abc.abstractmethod
     def look(
         self,
+        rays: Rays,
         places: GroundPoints,
         hit: Bool[np.ndarray, " rays"],
         sun_direction: Float[np.ndarray, "3"],
@@ -119,9 +123,11 @@ class UniformGround(AbstractGround):
     temperature_k: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=288.15)
     emissivity: Float[Array, ""] = eqx.field(converter=jnp.asarray, default=0.98)
 
-    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+    def look(
+        self, rays, places, hit, sun_direction, reflective, emissive
+    ) -> GroundSamples:
         """Keep which rays meet the Earth, and the height of the sun there."""
-        del reflective, emissive
+        del rays, reflective, emissive
         return GroundSamples.of(places, hit, sun_direction)
 
     def seen(self, samples, reflective, emissive) -> Leaving:
@@ -140,12 +146,14 @@ class Lambertian(eqx.Module):
     """These are the properties of the ground below each ray.
 
     **Fields:** `albedo`, `emissivity`: by band; None where no such band is asked.
-    `temperature_k`: of the skin.
+    `temperature_k`: of the skin. `glint`: as of `Leaving`, for ground that mirrors the
+    sun besides.
     """
 
     albedo: Float[Array, "rays reflective"] | None
     emissivity: Float[Array, "rays emissive"] | None
     temperature_k: Float[Array, " rays"]
+    glint: Float[Array, "rays reflective"] | None = None
 
 
 class AbstractMappedGround(AbstractGround):
@@ -157,12 +165,14 @@ class AbstractMappedGround(AbstractGround):
     def seen(self, samples, reflective, emissive) -> Leaving:
         """Reflect the sun and emit, by the properties of each place."""
         ground: Lambertian = samples.properties
-        reflected = emitted = None
+        reflected = emitted = glint = None
         if reflective is not None and ground.albedo is not None:
             reflected = ground.albedo.T * samples.sun_height[None]
         if emissive is not None and ground.emissivity is not None:
             emitted = ground.emissivity.T * emissive.planck(ground.temperature_k)
-        return Leaving(reflected, emitted)
+        if reflective is not None and ground.glint is not None:
+            glint = ground.glint.T
+        return Leaving(reflected, emitted, glint)
 
 
 class ClearRadiances(eqx.Module):
@@ -192,8 +202,11 @@ class ClearSky(AbstractGround):
     grid: LatLonGrid | FixedGrid = eqx.field(static=True)
     under_air: ClassVar[bool] = False
 
-    def look(self, places, hit, sun_direction, reflective, emissive) -> GroundSamples:
+    def look(
+        self, rays, places, hit, sun_direction, reflective, emissive
+    ) -> GroundSamples:
         """Interpolate the radiances to the places, bilinear."""
+        del rays
         read = [
             None
             if bands is None or nodes is None

@@ -25,11 +25,13 @@ def _through_air(scene: Scene, around: Surroundings, ground: Leaving) -> Leaving
     air, column, altitude = scene.air, around.column, around.ground.altitude_m
     if air is None or column is None:
         return ground
-    reflectance, radiance = ground.reflectance, ground.radiance
+    reflectance, radiance, glint = ground.reflectance, ground.radiance, ground.glint
     if scene.reflective is not None and reflectance is not None:
         veil = air.veil(scene.reflective, column, scene.temperature, altitude)
         reflectance = veil.path + veil.over(reflectance, column.sun)
+        if glint is not None:
+            glint = veil.passed * glint
     if scene.emissive is not None and radiance is not None:
         emission = air.emission(scene.emissive, column, scene.temperature)
         radiance = emission.over(radiance, altitude)
-    return Leaving(reflectance, radiance)
+    return Leaving(reflectance, radiance, glint)

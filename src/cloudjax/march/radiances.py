@@ -17,7 +17,7 @@ from .marched_way import (
 )
 from .products import CloudProducts, no_cloud, products_of
 from .scene import BandRadiances, Scene
-from .sunlight import reflected
+from .sunlight import beam, reflected
 from .thermal import emitted
 from .view import Surroundings, View
 
@@ -83,6 +83,8 @@ def see_clear(
     behind = background(scene, around)
     reflective = behind.reflectance
     if scene.reflective is not None and reflective is not None:
+        if behind.glint is not None:
+            reflective = reflective + behind.glint
         reflective = scene.reflective.radiance(reflective)
     clouds = no_cloud(len(scene.layers), len(around.sun_direction))
     return BandRadiances(reflective, behind.radiance), clouds
@@ -120,6 +122,8 @@ def _cloudy(scene: Scene, view: View, ways: Sequence[MarchedWay]) -> BandRadianc
             source = air.over(source, column.sun)
             path = path + air.path
         seen = under_air(source, passed, behind.reflectance, path, bands.gain)
+        if behind.glint is not None:
+            seen = seen + behind.glint * beam(ways, view.around.ground.sun_height)
         reflective = bands.radiance(seen)
     if scene.emissive is not None and behind.radiance is not None:
         source, passed = emitted(scene, ways, column)

@@ -1,5 +1,6 @@
 """Sunlight that the layers of a scene send back, one in front of the other."""
 
+import math
 from collections.abc import Sequence
 
 import jax
@@ -50,6 +51,27 @@ def reflected(scene: Scene, ways: Sequence[MarchedWay], view: View, background):
                 own = own * (1 - share[None] * (1 - through))
         source, transmittance = source + own, transmittance * left
     return source, ground * transmittance
+
+
+def beam(
+    ways: Sequence[MarchedWay], sun_height: Float[Array, " rays"]
+) -> Float[Array, "bands rays"]:
+    """Find what of the sun's beam comes through all cloud, down to the ground and up.
+
+    It comes down through as much cloud as the view goes up through. What cloud scatters
+    nearly forwards, g² of it (Joseph et al. 1976, J. Atmos. Sci. 33, 2452), stays in
+    the beam.
+    """
+
+    def through(way):
+        optics = way.layer.optics.scatterers
+        kept = (1 - optics.co_albedo) * optics.asymmetry**2
+        slant = 1 + way.view_height / above_horizon(sun_height)
+        lost_per_m = (1 - kept) * way.layer.sunlit_per_m
+        depth = lost_per_m[:, None, None] * (way.passed.depth_m * slant[None])[None]
+        return jax.vmap(way.passed.mean)(jnp.exp(-depth))
+
+    return math.prod(through(way) for way in ways)
 
 
 def _returned(

@@ -240,7 +240,7 @@ def look_around(
     if scene.air is not None:
         column = scene.air.look(rays, places, sun_direction)
     ground = scene.ground.look(
-        places, hit, sun_direction, scene.reflective, scene.emissive
+        rays, places, hit, sun_direction, scene.reflective, scene.emissive
     )
     sun = np.broadcast_to(sun_direction, (len(rays), 3))
     return Surroundings(ground, column, device_array(sun))

@@ -5,6 +5,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
+from cloudjax.geometry.geodesy import up
+from cloudjax.geometry.rays import GroundPoints, Rays
 from cloudjax_data import read_weather
 from cloudjax_scenes.surface import SEA, SNOW, Surface
 from tests.generated import write_grib
@@ -123,3 +125,32 @@ def test_what_is_not_reflected_at_4_micrometres_is_emitted():
     emissivity = Surface.of().emissivity([13, 7], *place)
     np.testing.assert_array_equal(emissivity[0], 1)
     np.testing.assert_allclose(emissivity[1], 1 - albedo)
+
+
+def _glint(surface, *places):
+    """In band 2, seen from straight above with the sun overhead there."""
+    latitude, longitude = at(*places)
+    vertical = up(latitude, longitude)
+    rays = Rays(7e6 * vertical, -vertical, 1e-5)
+    places = GroundPoints(latitude, longitude, np.zeros(len(latitude)))
+    return np.array(
+        [
+            surface.glint([2], rays, places, sun_direction)[0, i]
+            for i, sun_direction in enumerate(vertical)
+        ]
+    )
+
+
+def test_water_mirrors_the_sun_as_the_wind_tells_and_land_and_ice_do_not(tmp_path):
+    """The factor is ρ/(4 σ²), of the wind at 10 m: that of the lowest air, at 110 m,
+    times ln(10/z)/ln(110/z), z = 0.2 mm.
+    """
+    places = WATER["Pacific"], LAND["Sahara"], WATER["North Pole"]
+    windy = weather(tmp_path, t=np.where(LATITUDE[:, None] > 80, 250.0, 290.0))
+    fresnel = (0.331 / 2.331) ** 2
+    wind = np.sqrt(2) * np.log(10 / 2e-4) / np.log(110 / 2e-4)
+    for surface, speed in ((Surface.of(windy), wind), (Surface.of(), 6.6)):
+        water, land, ice = _glint(surface, *places)
+        assert water == pytest.approx(fresnel / (4 * (0.003 + 0.00512 * speed)), 0.01)
+        assert land == 0
+        assert (ice == 0) == (speed == wind)
