@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from cloudjax import (
+    AbstractCloudSource,
     AbstractGround,
     AbstractMask,
     BandRadiances,
@@ -140,7 +141,7 @@ def fractal_cloud(
     )
 
 
-def layer(cloud: FractalCloud, *, reflective=1, emissive=1, **changes) -> Layer:
+def layer(cloud: AbstractCloudSource, *, reflective=1, emissive=1, **changes) -> Layer:
     """A layer of nearly white cloud for so many bands."""
     own = {"name": "cloud", "steps": 12, "extinction_per_m": 0.002}
     own |= {key: changes.pop(key) for key in own if key in changes}

@@ -115,7 +115,13 @@ def test_clouds_hide_the_image_of_the_sun(depth):
     that at the cloud; clear sky and thick cloud are exact.
     """
     g, co_albedo, shell = 0.85, 0.01, Shell(1000.0, 2000.0)
-    cloud = GriddedCloud(jnp.ones((4, 4, 2)), shell, (20.0, 10.0), (1e4, 1e4), True)
+    cloud = GriddedCloud(
+        density=jnp.ones((4, 4, 2)),
+        shell=shell,
+        corner_deg=(20.0, 10.0),
+        spacing_m=(1e4, 1e4),
+        periodic=True,
+    )
     own = layer(
         cloud,
         extinction_per_m=depth / 1000.0,
