@@ -191,10 +191,10 @@ class Surface(AbstractMappedGround):
         vertical = up(*place)
         wind = _read(self.wind_m_s, self.weather_grid, *place)
         water = (1 - self.land_at(*place)) * (1 - self._snow(*place))
-        sun, view = vertical @ sun_direction, -dot(vertical, rays.direction)
-        angles = sun, view, rays.direction @ sun_direction
         found = glint(
-            *(device_array(cosine) for cosine in angles),
+            device_array(vertical @ sun_direction),
+            device_array(-dot(vertical, rays.direction)),
+            device_array(rays.direction @ sun_direction),
             slope_variance(device_array(wind)),
             jnp.asarray([REFRACTION[band - 1] for band in bands], float),
         )
