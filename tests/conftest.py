@@ -47,6 +47,9 @@ TOGETHER = {
 # Bytes that a process holds before it forgets what the tests of a file compiled: the
 # functions of all tests fill gigabytes.
 ENOUGH = 1.2e9
+# Pieces of memory that it has mapped, of 65 530 that Linux allows: compiled functions
+# take some each, and a compiler that gets no more ends the process.
+MANY_MAPS = 30_000
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -55,6 +58,21 @@ def _forget_what_is_compiled():
     if _resident_bytes() > ENOUGH:
         jax.clear_caches()
         gc.collect()
+
+
+@pytest.fixture(autouse=True)
+def _keep_few_maps():
+    yield
+    if _maps() > MANY_MAPS:
+        jax.clear_caches()
+        gc.collect()
+
+
+def _maps() -> int:
+    try:
+        return Path("/proc/self/maps").read_bytes().count(b"\n")
+    except OSError:
+        return 0
 
 
 def _resident_bytes() -> float:
