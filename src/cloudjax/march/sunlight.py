@@ -1,6 +1,6 @@
 """Sunlight that the layers of a scene send back, one in front of the other."""
 
-import math
+import functools as ft
 from collections.abc import Sequence
 
 import jax
@@ -71,7 +71,7 @@ def beam(
         depth = lost_per_m[:, None, None] * (way.passed.depth_m * slant[None])[None]
         return jax.vmap(way.passed.mean)(jnp.exp(-depth))
 
-    return math.prod(through(way) for way in ways)
+    return ft.reduce(jnp.multiply, map(through, ways))
 
 
 def _returned(
