@@ -56,19 +56,23 @@ MANY_MAPS = 30_000
 def _forget_what_is_compiled():
     yield
     if _resident_bytes() > ENOUGH:
-        jax.clear_caches()
-        gc.collect()
+        _forget()
 
 
 @pytest.fixture(autouse=True)
 def _keep_few_maps():
     yield
     if _maps() > MANY_MAPS:
-        jax.clear_caches()
-        gc.collect()
+        _forget()
+
+
+def _forget() -> None:
+    jax.clear_caches()
+    gc.collect()
 
 
 def _maps() -> int:
+    """Those of this process; none where the system does not tell."""
     try:
         return Path("/proc/self/maps").read_bytes().count(b"\n")
     except OSError:
