@@ -67,6 +67,7 @@ def parts_of(scene: Scene, rays: Rays, view: View) -> list[Part]:
         *_layers(scene, view),
         _shadows(scene),
         *_air(scene),
+        _glint(scene, view),
         _thermal_scattering(scene),
         _sunlight_in_band_7(scene),
         _wind(scene),
@@ -203,6 +204,16 @@ def _air(scene: Scene) -> Iterator[Part]:
             continue
         without = replace(scene, air=replace(air, **{field: ()}))
         yield Part(name, f"in bands {', '.join(map(str, counted))}", True, without)
+
+
+def _glint(scene: Scene, view: View) -> Part:
+    name = "glint"
+    if scene.reflective is None:
+        return Part(name, "no band sees the sun", False)
+    ground = view.around.ground.properties
+    if getattr(ground, "glint", None) is None:
+        return Part(name, "the ground has none of its own", False)
+    return Part(name, "where sea is seen by day", True)
 
 
 def _thermal_scattering(scene: Scene) -> Part:

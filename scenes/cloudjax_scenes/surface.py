@@ -52,7 +52,7 @@ SNOW_K = (260.0, 270.0)
 STANDARD_K = 288.15
 LAPSE_K_M = 6.5e-3
 
-# Of the wind that slopes are for, and of the sea for it.
+# Of the wind over the sea, and of the sea for it.
 _WIND_HEIGHT_M, _ROUGHNESS_M = 10.0, 2e-4
 _CELL_DEG = 0.1
 _LEVELS = 15
@@ -89,7 +89,6 @@ class Surface(AbstractMappedGround):
             grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.arange(0, 360, 120))
             kelvin = np.full(grid.shape, STANDARD_K)
             return cls.as_warm_as(kelvin, np.zeros(grid.shape), grid)
-        share, land_grid = _land_share()
         data = cube.regular(0.25).data
         axes = (data[axis].to_numpy() for axis in ("latitude", "longitude"))
         kelvin = _skin(data)
@@ -97,7 +96,7 @@ class Surface(AbstractMappedGround):
         if "orog" in data:
             height = np.nan_to_num(data["orog"].to_numpy().astype(np.float64))
         grid = LatLonGrid.from_axes(*axes)
-        return cls(share, land_grid, kelvin, height, _wind(data), grid)
+        return cls(*_land_share(), kelvin, height, _wind(data), grid)
 
     @classmethod
     def as_warm_as(

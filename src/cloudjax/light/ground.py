@@ -157,7 +157,8 @@ class Lambertian(eqx.Module):
 
 
 class AbstractMappedGround(AbstractGround):
-    """This ground is Lambertian, with properties that differ from place to place.
+    """This ground is Lambertian, but for its glint, with properties that differ from
+    place to place.
 
     Kinds of it say in `look` what they are, as `Lambertian` properties.
     """

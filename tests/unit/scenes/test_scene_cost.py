@@ -3,6 +3,7 @@
 import time
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -17,6 +18,7 @@ from cloudjax import (
     bands_named,
     look,
 )
+from cloudjax.light.ground import Lambertian
 from cloudjax_scenes import scene_cost
 from cloudjax_scenes.scene_cost import costs, operations, parts_of
 from tests.helpers import (
@@ -107,9 +109,21 @@ def test_what_is_off_is_told(whole):
     off = {name for name, part in told.items() if not part.used}
     assert off == {"layer nowhere", "shadows", "gases", "Rayleigh",
                    "thermal scattering", "sunlight in band 7", "wind",
-                   "sub-pixel nodes"}  # fmt: skip
+                   "sub-pixel nodes", "glint"}  # fmt: skip
     assert told["sunlight in band 7"].why == "the sun is down"
     assert all(part.without is None for part in told.values() if not part.used)
+
+
+def test_ground_that_mirrors_the_sun_is_told(whole):
+    """By a view of such ground; where no band sees the sun it counts for nothing."""
+    scene, view, _ = whole
+    one = jnp.ones((len(RAYS), 2))
+    mirror = Lambertian(one, None, 288 * one[:, 0], one)
+    ground = replace(view.around.ground, properties=mirror)
+    view = replace(view, around=replace(view.around, ground=ground))
+    for bands, used in ((scene.reflective, True), (None, False)):
+        parts = parts_of(replace(scene, reflective=bands), RAYS, view)
+        assert {part.name: part.used for part in parts}["glint"] == used
 
 
 def test_operations_stand_for_seconds_where_time_is_short(whole, monkeypatch):
