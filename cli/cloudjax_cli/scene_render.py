@@ -112,7 +112,15 @@ class SceneRender:
         quality, choice = self._chosen(inputs)
         image, values = fitted_image(inputs, quality)
         write_image_and_picture(
-            path, image, imagery, values, seed, quantities, quality=quality, asked=asked
+            path,
+            image,
+            imagery,
+            values,
+            seed,
+            quantities,
+            light=inputs.made_of.light,
+            quality=quality,
+            asked=asked,
         )
         if choice is not None:
             choice.tell()

@@ -74,9 +74,14 @@ def write_fit(
     title = f"Parameters of {imagery.name}, {imagery.platform}, {_time(result)}"
     if result.interrupted:
         title += f": {result.status}"
-    settings = result.settings
-    quality = Quality(steps=settings.steps)
-    image = image_dataset(result.image, imagery, values, settings.seed, quality=quality)
+    image = image_dataset(
+        result.image,
+        imagery,
+        values,
+        result.settings.seed,
+        light=result.made_of.light,
+        quality=Quality(steps=result.settings.steps),
+    )
     textures = _textures(result, observed_images or {})
     numbers = fit_numbers(result, textures) | {"asked": asked}
     with staged(folder, last=NUMBERS) as aside:

@@ -14,8 +14,9 @@ from cloudjax_data.whole_files import staged
 
 from .band_image import BandImage, write_band_picture
 from .imagery import Imagery
+from .lights import Light
 from .netcdf import write_netcdf
-from .quality import STANDARD, Quality, quality_attributes
+from .quality import Quality, quality_attributes
 from .quantity import RADIANCE, Quantity
 from .simulated_image import SimulatedImage
 
@@ -27,14 +28,15 @@ def image_dataset(
     seed: int,
     quantities: Sequence[Quantity] = (RADIANCE,),
     *,
-    quality: Quality = STANDARD,
+    light: Light,
+    quality: Quality,
     asked: str = "",
 ) -> xr.Dataset:
     """A CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`.
 
     **Arguments:**
 
-    - `quality`: it was rendered with.
+    - `light`, `quality`: it was rendered with.
     - `asked`: a digest of what the run was asked to do, to be known again by.
     """
     coordinates = fixed_grid_coordinates(imagery.grid)
@@ -64,7 +66,7 @@ def image_dataset(
             "parameters": json.dumps(dict(parameters)),
             "seed": seed,
         }
-        | quality_attributes(quality)
+        | quality_attributes(quality, light)
         | ({"asked": asked} if asked else {}),
     )
 
@@ -77,7 +79,8 @@ def write_image_and_picture(
     seed: int,
     quantities: Sequence[Quantity] = (RADIANCE,),
     *,
-    quality: Quality = STANDARD,
+    light: Light,
+    quality: Quality,
     asked: str = "",
 ) -> None:
     """Write a netCDF file, and a PNG of the same name beside it.
@@ -96,7 +99,14 @@ def write_image_and_picture(
             missing="#dbe6f2",
         )
         data = image_dataset(
-            image, imagery, parameters, seed, quantities, quality=quality, asked=asked
+            image,
+            imagery,
+            parameters,
+            seed,
+            quantities,
+            light=light,
+            quality=quality,
+            asked=asked,
         )
         write_netcdf(aside / path.name, data)
 

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from cloudjax import FractalCloud, Latent, Layer, Scene
 from cloudjax_data import DataError
 
+from .lights import Light
 from .model_scene import ModelWorld
 from .weather_scene import World
 
@@ -73,25 +74,25 @@ class Quality:
         return " ".join(said)
 
 
-# How files call the knobs.
-_ATTRIBUTES = {
-    "steps": "steps",
-    "nodes": "nodes",
-    "shadows": "shadow_steps",
-    "scattering": "thermal_scattering",
-}
+# How files call the knobs that are numbers.
+_ATTRIBUTES = {"steps": "steps", "nodes": "nodes", "shadows": "shadow_steps"}
 
 
-def quality_attributes(rendered: Quality | World | ModelWorld) -> dict[str, int]:
-    """Return the attributes of a file that say how well it was rendered.
+def quality_attributes(
+    rendered: Quality | World | ModelWorld, light: Light
+) -> dict[str, str | int]:
+    """Return the attributes of a file that say how it was rendered.
 
-    Those of the knobs that are there: a model's own columns have no nodes.
+    Those of the knobs that are there: a model's own columns have no nodes, and not
+    every light scatters thermal radiation.
     """
-    return {
-        name: int(getattr(rendered, knob))
+    numbers = {
+        name: getattr(rendered, knob)
         for knob, name in _ATTRIBUTES.items()
         if hasattr(rendered, knob)
     }
+    scatters = rendered.scattering and light.emission is not None
+    return {"light": light.name} | numbers | {"thermal_scattering": int(scatters)}
 
 
 # What a look needs, what is usual, and what others are compared with.

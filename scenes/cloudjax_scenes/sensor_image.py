@@ -195,9 +195,8 @@ def sensor_dataset(
             "platform": image.sensor.platform,
             "weather": ", ".join(world.sources),
             "seed": world.seed,
-            "light": world.light,
         }
-        | quality_attributes(world),
+        | quality_attributes(world, world.strategy),
     )
 
 

@@ -94,6 +94,13 @@ def test_a_file_is_read_back_as_it_was(tmp_path, world, view):
         assert ("goes_imager_projection" in data.coords) == (view is GRID)
 
 
+def test_a_light_that_scatters_no_thermal_radiation_says_so(world):
+    paper = dataclasses.replace(world, light="paper")
+    data = sensor_dataset(frame(GRID), paper)
+    assert data.attrs["light"] == "paper"
+    assert data.attrs["thermal_scattering"] == 0
+
+
 def test_products_of_a_grid_name_their_projection(world):
     data = sensor_dataset(frame(GRID), world)
     for name in ("radiance_C02", "cloud_fraction", "cloud_class"):
