@@ -23,8 +23,11 @@ def depth_columns(columns: WrfColumns) -> DepthColumns:
     **Raises:** `DataError` where there is no cloud.
     """
     columns.require_cloud()
-    extinction = np.sum([extinction_per_m(p) for p in columns.condensate], axis=0)
+    parts = [(p.phase == "ice", extinction_per_m(p)) for p in columns.condensate]
+    extinction = np.sum([per_m for _, per_m in parts], axis=0)
+    frozen = np.sum([ice * per_m for ice, per_m in parts], axis=0)
+    share = frozen / np.where(extinction > 0, extinction, 1)
     depth = extinction * np.diff(columns.heights_m, axis=0)
     winds = columns.winds_m_s
     velocity = None if winds is None else np.stack(winds)
-    return DepthColumns(columns.grid, columns.heights_m, depth, velocity)
+    return DepthColumns(columns.grid, columns.heights_m, depth, velocity, share)

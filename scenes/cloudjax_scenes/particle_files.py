@@ -30,6 +30,7 @@ _VARIABLES: Mapping[str, Mapping[str, str]] = {
     "upward_air_velocity": {"standard_name": "upward_air_velocity", "units": "m s-1"},
     "birth": {"long_name": "beginning of life, after the time", "units": "s"},
     "death": {"long_name": "end of life, after the time", "units": "s"},
+    "ice_share": {"long_name": "share of the extinction that ice has", "units": "1"},
 }
 
 
@@ -48,6 +49,7 @@ def particle_dataset(
         **dict(zip(list(_VARIABLES)[3:6], p.velocity_m_s.T, strict=True)),
         "birth": p.birth_s,
         "death": p.death_s,
+        "ice_share": p.ice_share,
     }
     coordinates = {
         "latitude": (p.latitude_deg, "latitude", "degrees_north"),

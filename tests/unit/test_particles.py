@@ -194,6 +194,7 @@ def _some(count=30) -> CloudParticles:
         np.zeros((count, 3)),
         zero - np.inf,
         zero + np.inf,
+        zero,
     )
 
 

@@ -24,6 +24,7 @@ class CloudParticles:
       sum over particles is that of the cloud.
     - `velocity_m_s`: to the east, to the north and upwards.
     - `birth_s`, `death_s`: its life, on the clock of the model's time.
+    - `ice_share`: how much of its extinction is of ice; the rest is of water.
     """
 
     latitude_deg: PerParticle
@@ -34,6 +35,7 @@ class CloudParticles:
     velocity_m_s: Float[np.ndarray, "particles 3"]
     birth_s: PerParticle
     death_s: PerParticle
+    ice_share: PerParticle
 
     def __len__(self) -> int:
         return len(self.altitude_m)
@@ -46,6 +48,11 @@ class CloudParticles:
     def opacity(self) -> PerParticle:
         """Give what each takes from the light through its disc, from 0 to 1."""
         return -np.expm1(-self.extinction_area_m2 / (np.pi * self.radius_m**2))
+
+    @property
+    def deviation_m(self) -> PerParticle:
+        """Give the standard deviation of a Gaussian as wide as the sphere, R/√5."""
+        return self.radius_m / np.sqrt(5)
 
     def alive(self, seconds: float) -> "CloudParticles":
         """Return those that live at a time."""

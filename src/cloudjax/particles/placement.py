@@ -26,12 +26,14 @@ class DepthColumns:
     - `heights_m`: of the levels' ends, ascending.
     - `depth`: optical depth of each level.
     - `velocity_m_s`: of the air, to the east, to the north and upwards; None for none.
+    - `ice_share`: how much of the depth is of ice; None for none of it.
     """
 
     grid: ColumnGrid
     heights_m: Float[np.ndarray, "ends y x"]
     depth: Float[np.ndarray, "levels y x"]
     velocity_m_s: Float[np.ndarray, "3 levels y x"] | None = None
+    ice_share: Float[np.ndarray, "levels y x"] | None = None
 
     @property
     def column_depth(self) -> Float[np.ndarray, "y x"]:
@@ -162,7 +164,7 @@ def place(
     latitude, longitude = columns.grid.places(*(np.stack(cell[1:]) + jitter))
     area = whole * drawn.weight / drawn.weight.sum()
     per_m = columns.depth[cell] / (high - low)
-    velocity = columns.velocity_m_s
+    velocity, ice = columns.velocity_m_s, columns.ice_share
     return CloudParticles(
         latitude_deg=latitude,
         longitude_deg=longitude,
@@ -174,4 +176,5 @@ def place(
         else velocity[(slice(None), *cell)].T,
         birth_s=np.full(count, -np.inf),
         death_s=np.full(count, np.inf),
+        ice_share=np.zeros(count) if ice is None else ice[cell],
     )

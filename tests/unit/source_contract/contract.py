@@ -28,7 +28,9 @@ from cloudjax import (
     look,
 )
 from cloudjax.clouds.columns import ColumnCloud
+from cloudjax.clouds.kernels import KernelCloud
 from cloudjax.geometry.column_grid import ColumnGrid
+from cloudjax.geometry.geodesy import ecef
 from cloudjax.geometry.map_projections import ConformalConic
 from tests.helpers import (
     GEOSTATIONARY_M,
@@ -104,6 +106,14 @@ def _columns() -> ColumnCloud:
     )
 
 
+def _kernels() -> KernelCloud:
+    """Blobs as wide as pixels, about the places that the rays look at."""
+    rng = np.random.default_rng(2)
+    latitude, longitude = 20 + rng.uniform(-0.1, 0.1, (2, 20)) * [[1], [1]]
+    place = ecef(latitude, longitude - 10, rng.uniform(1500, 2500, 20))
+    return KernelCloud.of(place, rng.uniform(2e7, 8e7, 20), rng.uniform(1e3, 3e3, 20))
+
+
 SOURCES: dict[str, Callable[[], AbstractCloudSource]] = {
     "fractal": _fractal,
     "movable fractal": lambda: dataclasses.replace(
@@ -111,11 +121,12 @@ SOURCES: dict[str, Callable[[], AbstractCloudSource]] = {
     ),
     "gridded": ft.partial(_gridded, periodic=False),
     "periodic": ft.partial(_gridded, periodic=True),
+    "kernels": _kernels,
     "columns": _columns,
     "ready columns": lambda: _columns().ready(),
 }
-# Whose tests take minutes.
-SLOW = ("columns", "ready columns")
+# Whose tests take minutes, or that differ from another source by little.
+SLOW = ("columns", "ready columns", "periodic")
 # What depends on places and is read with them. Not parameters.
 READ_WITH_PLACES = ("mask", "displacements", "fields")
 
