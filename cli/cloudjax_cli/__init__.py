@@ -10,6 +10,7 @@ from .errors import OneSentenceGroup
 from .fetch import fetch
 from .fit import fit
 from .info import info
+from .particles import particles
 from .render import render
 from .report import report
 from .tradeoff import tradeoff
@@ -18,7 +19,7 @@ from .x3d import x3d
 
 @click.group(
     cls=OneSentenceGroup,
-    commands=[demo, fetch, info, fit, render, report, tradeoff, x3d, doctor],
+    commands=[demo, fetch, info, fit, render, report, tradeoff, particles, x3d, doctor],
     context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
     invoke_without_command=True,
 )

@@ -1,7 +1,8 @@
 """Particles of cloud as files: CF netCDF for work, PLY for viewers."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -35,11 +36,16 @@ _VARIABLES: Mapping[str, Mapping[str, str]] = {
 
 
 def particle_dataset(
-    particles: CloudParticles, attributes: Mapping[str, object] | None = None
+    particles: CloudParticles,
+    time: datetime | None = None,
+    attributes: Mapping[str, object] | None = None,
 ) -> xr.Dataset:
     """Make a CF-1.8 Dataset of points.
 
-    **Arguments:** `attributes`: more of the file's, such as its source.
+    **Arguments:**
+
+    - `time`: of the particles, in UTC, where it is known.
+    - `attributes`: more of the file's, such as its source.
     """
     p = particles
     values = {
@@ -56,7 +62,7 @@ def particle_dataset(
         "longitude": (p.longitude_deg, "longitude", "degrees_east"),
         "altitude": (p.altitude_m, "altitude", "m"),
     }
-    return xr.Dataset(
+    data = xr.Dataset(
         {
             name: ("particle", array.astype(np.float32), dict(_VARIABLES[name]))
             for name, array in values.items()
@@ -73,6 +79,11 @@ def particle_dataset(
             **(attributes or {}),
         },
     )
+    if time is not None:
+        stamp = np.datetime64(time.astimezone(UTC).replace(tzinfo=None), "ns")
+        data = data.assign_coords(time=((), stamp, {"standard_name": "time"}))
+        data["time"].encoding = {"units": "seconds since 1970-01-01", "dtype": "f8"}
+    return data
 
 
 def local_position_m(
@@ -122,26 +133,33 @@ def _write_ply(path: Path, particles: CloudParticles) -> None:
     path.write_bytes("\n".join([*header, ""]).encode("ascii") + table.tobytes())
 
 
-def _write_netcdf(path: Path, particles: CloudParticles) -> None:
-    write_netcdf(path, particle_dataset(particles))
-
-
-_WRITERS: Mapping[str, Callable[[Path, CloudParticles], None]] = {
-    ".nc": _write_netcdf,
-    ".ply": _write_ply,
-}
-
-
-def write_particles(path: str | os.PathLike[str], particles: CloudParticles) -> None:
+def write_particles(
+    path: str | os.PathLike[str],
+    particles: CloudParticles,
+    time: datetime | None = None,
+    attributes: Mapping[str, object] | None = None,
+) -> None:
     """Write particles as CF netCDF (`.nc`) or as PLY (`.ply`).
+
+    **Arguments:** `time`, `attributes`: as of `particle_dataset`; not of PLY.
 
     **Raises:** `DataError` for another ending, and if the disk does not take them.
     """
+    path = require_particle_file(path)
+    with staged(path.parent, last=path.name) as aside:
+        if path.suffix == ".ply":
+            _write_ply(aside / path.name, particles)
+        else:
+            data = particle_dataset(particles, time, attributes)
+            write_netcdf(aside / path.name, data)
+
+
+def require_particle_file(path: str | os.PathLike[str]) -> Path:
+    """Return the path, or raise `DataError` for an ending that is none of particles."""
     path = Path(path)
-    if path.suffix not in _WRITERS:
+    if path.suffix not in (".nc", ".ply"):
         raise DataError(
             f"{path} ends neither in .nc nor in .ply: these are the files that "
             "particles are written to."
         )
-    with staged(path.parent, last=path.name) as aside:
-        _WRITERS[path.suffix](aside / path.name, particles)
+    return path

@@ -58,6 +58,21 @@ class CloudParticles:
         """Return those that live at a time."""
         return self[(self.birth_s <= seconds) & (seconds < self.death_s)]
 
+    def later(self, seconds: float) -> "CloudParticles":
+        """Return those that live then, with lives on a clock that starts then."""
+        some = self.alive(seconds)
+        lives = some.birth_s - seconds, some.death_s - seconds
+        return replace(some, birth_s=lives[0], death_s=lives[1])
+
+    def joined(self, others: "CloudParticles") -> "CloudParticles":
+        """Return both together."""
+        return CloudParticles(
+            *(
+                np.concatenate([getattr(self, f.name), getattr(others, f.name)])
+                for f in fields(self)
+            )
+        )
+
     def position_m(self) -> Float[np.ndarray, "particles 3"]:
         """Return the middles, ECEF."""
         return ecef(self.latitude_deg, self.longitude_deg, self.altitude_m)

@@ -1,0 +1,91 @@
+"""`cloudjax particles`: files of a run's clouds, and what is refused."""
+
+import numpy as np
+import pytest
+
+from cloudjax_scenes.particle_reading import read_particles
+from tests.commands import run, sentence_of
+from tests.generated_wrf import COLUMNS, LEVELS, ROWS, write_wrf
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wrf")
+    times = ["2005-08-28_12:00:00", "2005-08-28_13:00:00"]
+    write_wrf(folder / "run", times=times)
+    write_wrf(folder / "clear", QCLOUD=np.zeros((LEVELS, ROWS, COLUMNS)))
+    return folder
+
+
+def _particles(folder, *options, name="run", output="p.nc"):
+    given = "--place", "20,10", "-o", folder / output
+    return run("particles", folder / name, *given, *options)
+
+
+def test_frames_are_files_of_their_moments(folder):
+    result = _particles(folder, "-n", 50, "--frames", 3, "--minutes", 30)
+    assert result.exit_code == 0, result.output
+    files = sorted(folder.glob("p-*.nc"))
+    assert [file.name for file in files] == ["p-000.nc", "p-001.nc", "p-002.nc"]
+    found = [read_particles(file) for file in files]
+    assert [time.strftime("%H:%M") for _, time in found] == ["12:00", "12:30", "13:00"]
+    assert [len(particles) for particles, _ in found] == [50, 50, 50]
+    # The wind blows to the east and upwards.
+    first, middle = (found[i][0] for i in (0, 1))
+    dying = np.isfinite(middle.death_s)
+    assert middle[dying].longitude_deg.mean() > first.longitude_deg.mean()
+
+
+def test_rejection_draws_other_columns_than_strides(folder):
+    one = _particles(folder, "-n", 40, output="one.nc")
+    other = _particles(folder, "-n", 40, "--sampler", "rejection", output="two.nc")
+    assert (one.exit_code, other.exit_code) == (0, 0)
+    (strides, _), (draws, _) = (
+        read_particles(folder / name) for name in ("one.nc", "two.nc")
+    )
+    assert strides.extinction_area_m2.sum() == pytest.approx(
+        draws.extinction_area_m2.sum(), rel=1e-5
+    )
+    assert not np.allclose(strides.latitude_deg, draws.latitude_deg)
+
+
+def test_far_particles_are_fewer_and_stand_for_all(folder):
+    """All are some 400 km from the viewer, twice as far as near: an eighth stays."""
+    whole = _particles(folder, "-n", 800, output="whole.nc")
+    view = "--viewer", "20,10,400", "--near-km", "200"
+    thinned = _particles(folder, "-n", 800, *view, output="thin.nc")
+    assert (whole.exit_code, thinned.exit_code) == (0, 0)
+    (many, _), (few, _) = (
+        read_particles(folder / name) for name in ("whole.nc", "thin.nc")
+    )
+    assert len(few) == pytest.approx(100, abs=2)
+    assert few.extinction_area_m2.sum() == pytest.approx(
+        many.extinction_area_m2.sum(), rel=1e-5
+    )
+
+
+REFUSED = {
+    "none": (("-n", 0), "0 particles are none"),
+    "K of nothing": (("--sampler", "rejection", "--k", 0), "K = 0 keeps no particle"),
+    "K of strides": (("--k", 2), "leave out --k"),
+    "no near": (("--viewer", "20,10,3"), "give --near-km"),
+    "no viewer": (("--near-km", 3), "leave out --near-km"),
+    "near of nothing": (("--viewer", "20,10,3", "--near-km", -1), "more than 0"),
+    "no place": (("--viewer", "20,10"), "no place and height"),
+    "too late": (("--frames", 4, "--minutes", 60), "choose other frames"),
+    "not held": (("--time", "2006-01-01"), "choose other frames"),
+}
+
+
+@pytest.mark.parametrize(("options", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_done_is_told(folder, options, said):
+    before = set(folder.iterdir())
+    assert said in sentence_of(_particles(folder, *options, output="new.nc"))
+    assert set(folder.iterdir()) == before
+
+
+def test_a_clear_time_and_an_unknown_ending_are_told(folder):
+    assert "no cloud" in sentence_of(_particles(folder, name="clear"))
+    assert "neither in .nc nor in .ply" in sentence_of(
+        _particles(folder, output="p.vtk")
+    )
