@@ -59,8 +59,13 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
     metavar="WRFOUT",
     help="Sensor: a weather model's own clouds; again for more files of the run.",
 )
+@click.option(
+    "--retrieval",
+    metavar="FOLDER",
+    help="Sensor: clouds of a GOES scan, from its COD and ACHA files.",
+)
 @click.option("--place", type=Place(), help="Sensor: centre of an ideal WRF run.")
-@click.option("--time", type=Time(), help="Sensor: UTC.  [default: of the weather]")
+@click.option("--time", type=Time(), help="Sensor: UTC.  [default: of the clouds]")
 @click.option("--frames", type=click.IntRange(1), default=1, help="Sensor: images.")
 @click.option(
     "--minutes",
@@ -78,12 +83,15 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
 @dask_option
 @resume_option
-def render(targets, output, bands, weather, wrf, runner, **options) -> int | None:
+def render(
+    targets, output, bands, weather, wrf, retrieval, runner, **options
+) -> int | None:
     """Simulate the radiances of a scene, or of a sensor over weather.
 
     A SCENE is a folder: where clouds may stand and what is below them comes from its
     files. A SENSOR is a name such as abi-fulldisk-10km, abi-conus-2km or abi-meso-1km,
-    or a TOML file; clouds, winds and ground come from --weather, or from --wrf.
+    or a TOML file; clouds come from --weather, with winds and ground, from --wrf, or
+    from --retrieval.
 
     Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
     and so on, and with --animation a film of them; of several scenes, or with --dask,
@@ -95,13 +103,15 @@ def render(targets, output, bands, weather, wrf, runner, **options) -> int | Non
         from .sensor_render import render_over
 
         refuse(_OF_SCENES, options, f"{targets[0]} is no folder of a scene")
-        render_over(targets[0], _writable(output), bands, weather, wrf, options)
+        clouds = weather, wrf, retrieval
+        render_over(targets[0], _writable(output), bands, *clouds, options)
         return None
     for target in targets:
-        if weather or wrf:
+        of_sensors = {"weather": weather, "wrf": wrf, "retrieval": retrieval}
+        for name in (name for name, given in of_sensors.items() if given):
             raise click.UsageError(
                 f"{target} is a scene, whose weather is in its folder: leave out "
-                f"--{'weather' if weather else 'wrf'}"
+                f"--{name}"
             )
         refuse(_OF_SENSORS, options, f"{target} is a scene")
     if several:

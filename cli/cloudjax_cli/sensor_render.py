@@ -1,4 +1,4 @@
-"""A sensor over weather, or over a weather model's own clouds, into files."""
+"""A sensor over weather, over a model's clouds or over retrieved ones, into files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,9 +18,10 @@ def render_over(
     bands: Sequence[int] | None,
     weather: Sequence[str],
     wrf: Sequence[str],
+    retrieval: str | None,
     options: Mapping[str, Any],
 ) -> None:
-    """Render a sensor over weather or over a model's clouds, frame by frame.
+    """Render a sensor over weather, frame by frame, or over clouds in columns.
 
     **Arguments:** `options`: of `cloudjax render`, by name.
     """
@@ -35,16 +36,27 @@ def render_over(
     chosen = view.choose(bands)
     quantities = chosen_quantities(options["quantities"], chosen)
     _require_film(options)
-    if wrf:
-        if weather:
-            raise click.UsageError("clouds come from --weather or --wrf: give one")
-        _render_model(wrf, view, chosen, path, options, quantities)
-        return
-    if not weather:
+    if sum(map(bool, (weather, wrf, retrieval))) > 1:
         raise click.UsageError(
-            f"{sensor} needs clouds: give --weather GFS.grib2 or --wrf WRFOUT"
+            "clouds come from --weather, --wrf or --retrieval: give one"
         )
+    if not (weather or wrf or retrieval):
+        raise click.UsageError(
+            f"{sensor} needs clouds: give --weather GFS.grib2, --wrf WRFOUT or "
+            "--retrieval FOLDER"
+        )
+    if wrf:
+        _refuse_of_weather("--wrf", "the model's own", options)
+        columns = _of_a_model(wrf, options)
+        _render_columns(columns, columns.time, view, chosen, path, options, quantities)
+        return
     refuse(("place",), options, "the place of an ideal run is for --wrf")
+    if retrieval:
+        _refuse_of_weather("--retrieval", "what the satellite has seen", options)
+        columns = _retrieved(retrieval)
+        time = options["time"] or columns.time
+        _render_columns(columns, time, view, chosen, path, options, quantities)
+        return
     world = _world(weather, options)
     _render_frames(world, view, chosen, path, options, quantities)
 
@@ -60,26 +72,40 @@ def _require_film(options) -> None:
     FORMATS[options["animation"]].require()
 
 
-def _render_model(wrf, view, chosen, path: Path, options, quantities) -> None:
+def _refuse_of_weather(option: str, what: str, options) -> None:
+    refuse(("seed", "classes", "decision"), options, f"clouds of {option} are {what}")
+    if options["frames"] > 1:
+        raise click.UsageError(f"{option} gives one image: leave out --frames")
+
+
+def _of_a_model(wrf, options):
     from cloudjax_data import open_wrf, read_wrf
+
+    return read_wrf(open_wrf(wrf).at(options["time"]), options["place"])
+
+
+def _retrieved(folder: str):
+    from cloudjax_data import read_retrieval
+    from cloudjax_scenes.retrieved_columns import RetrievedColumns
+
+    return RetrievedColumns.of(read_retrieval(folder))
+
+
+def _render_columns(
+    columns, time: datetime, view, chosen, path: Path, options, quantities
+) -> None:
     from cloudjax_scenes.image_strips import render_strips, write_strips
     from cloudjax_scenes.model_scene import ModelWorld
 
     from .progress import tile_progress
 
-    own = "clouds of --wrf are the model's own"
-    refuse(("seed", "classes", "decision"), options, own)
-    if options["frames"] > 1:
-        raise click.UsageError("--wrf gives one image: leave out --frames")
-    frame = open_wrf(wrf).at(options["time"])
-    columns = read_wrf(frame, options["place"])
     light = {} if options["light"] is None else {"light": options["light"]}
     world = ModelWorld(columns, **light)
-    world, choice = _with_quality(world, view, chosen, frame.time, options)
+    world, choice = _with_quality(world, view, chosen, time, options)
     for caution in columns.cautions():
         click.echo(caution)
     with tile_progress(path.name) as on_tile:
-        images = render_strips(world, view, chosen, frame.time, on_tile=on_tile)
+        images = render_strips(world, view, chosen, time, on_tile=on_tile)
         write_strips(path, images, world, quantities)
     click.echo(f"{path} and {path.with_suffix('.png')}")
     if choice is not None:

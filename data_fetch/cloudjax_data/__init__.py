@@ -2,6 +2,8 @@
 
 from .abi import AbiBand as AbiBand
 from .abi import read_band as read_band
+from .abi_retrieval import CloudRetrieval as CloudRetrieval
+from .abi_retrieval import read_retrieval as read_retrieval
 from .abi_scene import AbiScene as AbiScene
 from .abi_scene import to_dataset as to_dataset
 from .calibration import Calibration as Calibration

@@ -2,6 +2,7 @@
 
 import netCDF4
 import numpy as np
+from jaxtyping import Float
 
 from cloudjax.geometry.fixed_grid import FixedGrid
 from cloudjax.geometry.geodesy import GRS80, Ellipsoid
@@ -26,7 +27,7 @@ _UNEVEN_RAD = 2e-6
 _SAME = 1e-6
 # A satellite drifts about the longitude of its projection, and is moved at times.
 _DRIFT_DEG = 5.0
-_SLOTS_DEG = {"GOES-East": -75.0, "GOES-West": -137.0}
+SLOTS_DEG = {"GOES-East": -75.0, "GOES-West": -137.0}
 _RADIANS = {"rad": 1.0, "radian": 1.0, "radians": 1.0, "microradian": 1e-6}
 _METRES = ("m", "meter", "meters", "metre", "metres")
 
@@ -51,8 +52,8 @@ def read_fixed_grid(file: netCDF4.Dataset) -> FixedGrid:
             "again."
         )
     grid = FixedGrid(
-        x_rad=_scan_angles(file, "x", height),
-        y_rad=_scan_angles(file, "y", height),
+        x_rad=read_scan_angles(file, "x", height),
+        y_rad=read_scan_angles(file, "y", height),
         subsatellite_longitude_deg=_longitude(file, projection),
         perspective_height_m=height,
         ellipsoid=ellipsoid,
@@ -80,7 +81,7 @@ def _longitude(file: netCDF4.Dataset, projection: netCDF4.Variable) -> float:
             "it again."
         )
     longitude = given if given <= 180 else given - 360
-    slot = _SLOTS_DEG.get(str(getattr(file, "orbital_slot", "")))
+    slot = SLOTS_DEG.get(str(getattr(file, "orbital_slot", "")))
     for place in (scalar(file, "nominal_satellite_subpoint_lon"), slot):
         if place is None:
             continue
@@ -92,7 +93,15 @@ def _longitude(file: netCDF4.Dataset, projection: netCDF4.Variable) -> float:
     return longitude
 
 
-def _scan_angles(file: netCDF4.Dataset, name: str, height_m: float) -> np.ndarray:
+def read_scan_angles(
+    file: netCDF4.Dataset, name: str, height_m: float
+) -> Float[np.ndarray, " angles"]:
+    """Read the scan angles [rad] of the axis `x` or `y`.
+
+    **Arguments:** `height_m`: of the projection, for angles that are stored in metres.
+
+    **Raises:** `DataError` if they are missing, uneven or in an unknown unit.
+    """
     packed = variable(file, name)
     if packed.ndim != 1 or packed.size == 0:
         raise DataError(

@@ -96,7 +96,7 @@ def _time(file: netCDF4.Dataset, path: Path, name: str) -> datetime:
 
 def _check_times(file: netCDF4.Dataset, path: Path, identity: AbiIdentity) -> None:
     start, end = identity.start, identity.end
-    middle = _middle(file)
+    middle = middle_of_scan(file)
     if not timedelta(0) <= end - start <= _LONGEST_SCAN:
         said = f"its scan is from {start:%Y-%m-%d %H:%M:%S} to {end:%Y-%m-%d %H:%M:%S}"
     elif middle is not None and not start - SAME_SCAN <= middle <= end + SAME_SCAN:
@@ -109,8 +109,8 @@ def _check_times(file: netCDF4.Dataset, path: Path, identity: AbiIdentity) -> No
     raise DataError(f"{path} contradicts itself ({said}, UTC): download it again.")
 
 
-def _middle(file: netCDF4.Dataset) -> datetime | None:
-    """The variable `t`, None where there is none or its units are none of time."""
+def middle_of_scan(file: netCDF4.Dataset) -> datetime | None:
+    """Read the variable `t`; it is None where its units are none of time, too."""
     value = scalar(file, "t")
     if value is None or not np.isfinite(value):
         return None

@@ -1,4 +1,4 @@
-"""Water and ice of a weather model, and how large their particles are."""
+"""Water and ice of a weather model, how large their particles are, and their air."""
 
 from dataclasses import dataclass
 
@@ -94,3 +94,15 @@ def joined(
     some = area > 0
     radius = np.where(some, content / np.where(some, area, 1), usual)
     return Condensate(phase, content, radius)
+
+
+@dataclass(frozen=True, eq=False)
+class LevelAir:
+    """A `LevelAir` is air over columns, up to some height.
+
+    **Fields:** `heights_m`: ascending; `temperature_k`, `specific_humidity`: there.
+    """
+
+    heights_m: Float[np.ndarray, "levels y x"]
+    temperature_k: Float[np.ndarray, "levels y x"]
+    specific_humidity: Float[np.ndarray, "levels y x"]

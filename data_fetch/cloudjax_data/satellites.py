@@ -55,3 +55,15 @@ def satellite_at(name: str, time: datetime) -> str:
             f"later time, or ask for {who} by name where it was on trial."
         )
     return held[-1]
+
+
+def position_at(satellite: str, time: datetime) -> str | None:
+    """Return "east" or "west" if the satellite stood there, else None.
+
+    **Arguments:** `satellite`: "goes16" to "goes19"; `time`: in UTC.
+    """
+    for position, held in POSITIONS.items():
+        since = [who for start, who in held if start <= time]
+        if since and since[-1] == satellite:
+            return position
+    return None

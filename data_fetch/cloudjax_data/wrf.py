@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from cloudjax.geometry.column_grid import ColumnGrid
 
-from .condensate import SPECIES, Condensate, Species, joined
+from .condensate import SPECIES, Condensate, LevelAir, Species, joined
 from .errors import DataError
 from .packed import netcdf_file
 from .wrf_grid import read_grid
@@ -72,6 +72,17 @@ class WrfColumns:
     def time(self) -> datetime:
         """Give the time, in UTC."""
         return self.frame.time
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Give the names of the files."""
+        return (self.frame.path.name,)
+
+    @property
+    def air(self) -> LevelAir:
+        """Give the air in the middle of the levels."""
+        middle = (self.heights_m[1:] + self.heights_m[:-1]) / 2
+        return LevelAir(middle, self.temperature_k, self.specific_humidity)
 
     @ft.cached_property
     def specific_humidity(self) -> Cells:

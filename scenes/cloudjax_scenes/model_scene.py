@@ -1,4 +1,4 @@
-"""A scene of a weather model's own clouds: its columns of water and ice, its air.
+"""A scene of clouds in columns, of a weather model or seen by a satellite.
 
 Other scenes draw fractal clouds where weather or imagery lets them stand.
 """
@@ -27,9 +27,10 @@ from cloudjax.air.atmosphere import temperature_k
 from cloudjax.air.gases import LEVELS_M, standard_humidity
 from cloudjax.clouds.columns import ColumnCloud
 from cloudjax.march.column_layer import column_layer
-from cloudjax_data import DataError, WrfColumns, earth_sun_distance_au
+from cloudjax_data import DataError, earth_sun_distance_au
 
 from .lights import Light, light_named
+from .model_columns import CloudColumns
 from .surface import Surface
 
 
@@ -41,21 +42,21 @@ _FADING_M = 5e3
 
 @dataclass(frozen=True, eq=False)
 class ModelWorld:
-    """A `ModelWorld` is one time of a weather model, ready for any sensor.
+    """A `ModelWorld` is one time of clouds in columns, ready for any sensor.
 
     **Fields:**
 
-    - `columns`: the model's.
+    - `columns`: of a weather model, or seen by a satellite.
     - `steps`: through the shell of water and through that of ice.
     - `light`: the strategy for sunlight, one of `lights.LIGHTS`.
     - `shadows`: steps towards the sun, 0 for no shadows.
     - `scattering`: whether cloud scatters thermal radiation; else it absorbs alone.
 
-    **Raises:** `DataError` where the model has no cloud, for no steps, and for shadows
-    with another light than the physical one.
+    **Raises:** `DataError` where the columns have no cloud, for no steps, and for
+    shadows with another light than the physical one.
     """
 
-    columns: WrfColumns
+    columns: CloudColumns
     steps: int = 24
     light: str = "physical"
     shadows: int = 0
@@ -78,7 +79,7 @@ class ModelWorld:
     @property
     def sources(self) -> tuple[str, ...]:
         """Names of the files that it is made of."""
-        return (self.columns.frame.path.name,)
+        return tuple(self.columns.sources)
 
     @ft.cached_property
     def classes(self) -> Mapping[str, ColumnCloud]:
@@ -155,22 +156,25 @@ class ModelWorld:
     @ft.cached_property
     def surface(self) -> Surface:
         """The ground, as warm as the lowest air; beyond the model as at its edge."""
+        air = self.columns.air
+        if air is None:
+            return Surface.of()
         nearest = self._nearest
-        kelvin = self.columns.temperature_k[0][nearest]
         height = self.columns.ground_m[nearest]
-        return Surface.as_warm_as(kelvin, height, self._places)
+        return Surface.as_warm_as(air.temperature_k[0][nearest], height, self._places)
 
     @ft.cached_property
-    def profiles(self) -> ProfileGrid:
-        """The air of the model, above its top the US standard atmosphere."""
+    def profiles(self) -> ProfileGrid | None:
+        """The air of the columns, above its top the US standard atmosphere; None for
+        the latter alone.
+        """
+        air = self.columns.air
+        if air is None:
+            return None
         row, column = self._nearest
         heights, kelvin, humidity = (
             field[:, row, column].reshape(len(field), -1).T
-            for field in (
-                (self.columns.heights_m[1:] + self.columns.heights_m[:-1]) / 2,
-                self.columns.temperature_k,
-                self.columns.specific_humidity,
-            )
+            for field in (air.heights_m, air.temperature_k, air.specific_humidity)
         )
         shape = (*row.shape, len(LEVELS_M))
         warm = _extended_all(

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from .geodesy import GRS80, Ellipsoid, ecef, up
+from .geodesy import GRS80, Ellipsoid, dot, ecef, up
 from .rays import Rays
 
 
@@ -194,9 +194,34 @@ class FixedGrid:
         x, y = self._angles_rad(line)
         return float(x[0]), float(y[0])
 
-    def _line_m(self, latitude_deg, longitude_deg) -> Float[np.ndarray, "points 3"]:
+    def angles_of(
+        self,
+        latitude_deg: Float[np.ndarray, "*n"],
+        longitude_deg: Float[np.ndarray, "*n"],
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Return the scan angles x and y [radians] of places on the ground, infinite
+        where the satellite does not see them.
+        """
+        line = self._line_m(latitude_deg, longitude_deg)
+        hidden = dot(line, up(latitude_deg, longitude_deg)) >= 0
+        x, y = self._angles_rad(line)
+        return np.where(hidden, np.inf, x), np.where(hidden, np.inf, y)
+
+    def directions(
+        self, x_rad: Float[np.ndarray, "*n"], y_rad: Float[np.ndarray, "*n"]
+    ) -> Float[np.ndarray, "*n 3"]:
+        """Return unit vectors away from the satellite, ECEF, at scan angles."""
+        x, y = x_rad, y_rad
+        # In axes to the Earth's centre, east and north.
+        if self.sweep == "x":
+            local = [np.cos(x) * np.cos(y), np.sin(x), np.cos(x) * np.sin(y)]
+        else:
+            local = [np.cos(x) * np.cos(y), np.sin(x) * np.cos(y), np.sin(y)]
+        return np.stack(local, axis=-1) @ self._axes
+
+    def _line_m(self, latitude_deg, longitude_deg) -> Float[np.ndarray, "*n 3"]:
         """From the satellite to places on the ground."""
-        sea_level = np.zeros(len(latitude_deg))
+        sea_level = np.zeros(np.shape(latitude_deg))
         return (
             ecef(latitude_deg, longitude_deg, sea_level, self.ellipsoid)
             - self.satellite_m
@@ -204,7 +229,7 @@ class FixedGrid:
 
     def _angles_rad(self, line_m) -> tuple[np.ndarray, np.ndarray]:
         length_m = np.linalg.norm(line_m, axis=-1)
-        inward, east, north = self._axes @ line_m.T / length_m
+        inward, east, north = np.moveaxis(line_m @ self._axes.T, -1, 0) / length_m
         if self.sweep == "x":
             return np.arcsin(east), np.arctan2(north, inward)
         return np.arctan2(east, inward), np.arcsin(north)
@@ -264,12 +289,7 @@ class FixedGrid:
         row, column = np.divmod(pixels, len(self.x_rad))
         x = np.asarray(self.x_rad, np.float64)[column]
         y = np.asarray(self.y_rad, np.float64)[row]
-        # The unit vector to the pixel in axes (to the Earth's centre, east, north).
-        if self.sweep == "x":
-            local = [np.cos(x) * np.cos(y), np.sin(x), np.cos(x) * np.sin(y)]
-        else:
-            local = [np.cos(x) * np.cos(y), np.sin(x) * np.cos(y), np.sin(y)]
-        direction = np.stack(local, axis=-1) @ self._axes
+        direction = self.directions(x, y)
         return Rays(
             np.broadcast_to(self.satellite_m, direction.shape),
             direction,
