@@ -26,7 +26,7 @@ TIMES = ["2005-08-28_12:00:00", "2005-08-28_13:00:00"]
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wrf")
     ice = np.zeros((LEVELS, ROWS, COLUMNS))
-    ice[3] = 2e-5
+    ice[3] = 2e-3
     write_wrf(folder / "run", times=TIMES, QICE=ice)
     write_wrf(folder / "still", times=TIMES, without=["W"])
     return folder
