@@ -19,6 +19,7 @@ from .options import (
 )
 from .quality_options import AskedQuality, quality_options
 from .runners import Here
+from .sensor_render import CLOUD_OPTIONS, render_over
 
 
 _OF_SCENES = ("parameters", "ignore_weather", "resume")
@@ -64,6 +65,9 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
     metavar="FOLDER",
     help="Sensor: clouds of a GOES scan, from its COD and ACHA files.",
 )
+@click.option(
+    "--particles", metavar="FILE.nc", help="Sensor: clouds of cloudjax particles."
+)
 @click.option("--place", type=Place(), help="Sensor: centre of an ideal WRF run.")
 @click.option("--time", type=Time(), help="Sensor: UTC.  [default: of the clouds]")
 @click.option("--frames", type=click.IntRange(1), default=1, help="Sensor: images.")
@@ -83,15 +87,13 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
 @click.option("--centre", type=Place(), help="Sensor: of a mesoscale sector.")
 @dask_option
 @resume_option
-def render(
-    targets, output, bands, weather, wrf, retrieval, runner, **options
-) -> int | None:
+def render(targets, output, bands, runner, **options) -> int | None:
     """Simulate the radiances of a scene, or of a sensor over weather.
 
     A SCENE is a folder: where clouds may stand and what is below them comes from its
     files. A SENSOR is a name such as abi-fulldisk-10km, abi-conus-2km or abi-meso-1km,
-    or a TOML file; clouds come from --weather, with winds and ground, from --wrf, or
-    from --retrieval.
+    or a TOML file; clouds come from --weather, with winds and ground, from --wrf, from
+    --retrieval, or from --particles.
 
     Writes OUT.nc (CF) and a picture, OUT.png, beside it; of several frames OUT-000.nc
     and so on, and with --animation a film of them; of several scenes, or with --dask,
@@ -100,15 +102,11 @@ def render(
     several = len(targets) > 1 or runner is not None
     folders = [target for target in targets if Path(target).is_dir()]
     if not folders and not several:
-        from .sensor_render import render_over
-
         refuse(_OF_SCENES, options, f"{targets[0]} is no folder of a scene")
-        clouds = weather, wrf, retrieval
-        render_over(targets[0], _writable(output), bands, *clouds, options)
+        render_over(targets[0], _writable(output), bands, options)
         return None
     for target in targets:
-        of_sensors = {"weather": weather, "wrf": wrf, "retrieval": retrieval}
-        for name in (name for name, given in of_sensors.items() if given):
+        for name in (name for name in CLOUD_OPTIONS if options[name]):
             raise click.UsageError(
                 f"{target} is a scene, whose weather is in its folder: leave out "
                 f"--{name}"

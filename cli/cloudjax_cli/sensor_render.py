@@ -8,18 +8,17 @@ from typing import Any
 
 import click
 
+from .column_clouds import COLUMN_OPTIONS
 from .options import refuse
 from .quality_options import AskedQuality
 
 
+# Of which a sensor needs one.
+CLOUD_OPTIONS = ("weather", *(option.name for option in COLUMN_OPTIONS))
+
+
 def render_over(
-    sensor: str,
-    path: Path,
-    bands: Sequence[int] | None,
-    weather: Sequence[str],
-    wrf: Sequence[str],
-    retrieval: str | None,
-    options: Mapping[str, Any],
+    sensor: str, path: Path, bands: Sequence[int] | None, options: Mapping[str, Any]
 ) -> None:
     """Render a sensor over weather, frame by frame, or over clouds in columns.
 
@@ -36,28 +35,21 @@ def render_over(
     chosen = view.choose(bands)
     quantities = chosen_quantities(options["quantities"], chosen)
     _require_film(options)
-    if sum(map(bool, (weather, wrf, retrieval))) > 1:
+    given = [name for name in CLOUD_OPTIONS if options[name]]
+    if len(given) != 1:
+        every = ", ".join(f"--{name}" for name in CLOUD_OPTIONS)
         raise click.UsageError(
-            "clouds come from --weather, --wrf or --retrieval: give one"
+            f"clouds come from one of {every}: give one"
+            if given
+            else f"{sensor} needs clouds: give one of {every}"
         )
-    if not (weather or wrf or retrieval):
-        raise click.UsageError(
-            f"{sensor} needs clouds: give --weather GFS.grib2, --wrf WRFOUT or "
-            "--retrieval FOLDER"
-        )
-    if wrf:
-        _refuse_of_weather("--wrf", "the model's own", options)
-        columns = _of_a_model(wrf, options)
-        _render_columns(columns, columns.time, view, chosen, path, options, quantities)
-        return
+    for option in COLUMN_OPTIONS:
+        if option.name in given:
+            columns = option.columns(options)
+            _render_columns(*columns, view, chosen, path, options, quantities)
+            return
     refuse(("place",), options, "the place of an ideal run is for --wrf")
-    if retrieval:
-        _refuse_of_weather("--retrieval", "what the satellite has seen", options)
-        columns = _retrieved(retrieval)
-        time = options["time"] or columns.time
-        _render_columns(columns, time, view, chosen, path, options, quantities)
-        return
-    world = _world(weather, options)
+    world = _world(options["weather"], options)
     _render_frames(world, view, chosen, path, options, quantities)
 
 
@@ -70,25 +62,6 @@ def _require_film(options) -> None:
     if options["frames"] == 1:
         raise click.UsageError("one image is no film: give --frames, such as 12")
     FORMATS[options["animation"]].require()
-
-
-def _refuse_of_weather(option: str, what: str, options) -> None:
-    refuse(("seed", "classes", "decision"), options, f"clouds of {option} are {what}")
-    if options["frames"] > 1:
-        raise click.UsageError(f"{option} gives one image: leave out --frames")
-
-
-def _of_a_model(wrf, options):
-    from cloudjax_data import open_wrf, read_wrf
-
-    return read_wrf(open_wrf(wrf).at(options["time"]), options["place"])
-
-
-def _retrieved(folder: str):
-    from cloudjax_data import read_retrieval
-    from cloudjax_scenes.retrieved_columns import RetrievedColumns
-
-    return RetrievedColumns.of(read_retrieval(folder))
 
 
 def _render_columns(

@@ -1,0 +1,72 @@
+"""Options of clouds that stand in columns: of a model, of a retrieval, of particles."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .options import refuse
+
+
+if TYPE_CHECKING:
+    from cloudjax_scenes.model_columns import CloudColumns
+
+
+Options = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class ColumnOption:
+    """An option that says where clouds come from, and how they are read.
+
+    **Fields:**
+
+    - `name`: of the option.
+    - `whose`: the clouds are.
+    - `read`: columns, and the time of the sun.
+    """
+
+    name: str
+    whose: str
+    read: Callable[[Any, Options], "tuple[CloudColumns, datetime]"]
+
+    def columns(self, options: Options) -> "tuple[CloudColumns, datetime]":
+        """Read the columns, once options that do not apply are refused."""
+        own = f"clouds of --{self.name} are {self.whose}"
+        refuse(("seed", "classes", "decision"), options, own)
+        if options["frames"] > 1:
+            raise click.UsageError(f"--{self.name} gives one image: leave out --frames")
+        if self.name != "wrf":
+            refuse(("place",), options, "the place of an ideal run is for --wrf")
+        return self.read(options[self.name], options)
+
+
+def _of_a_model(wrf, options: Options):
+    from cloudjax_data import open_wrf, read_wrf
+
+    columns = read_wrf(open_wrf(wrf).at(options["time"]), options["place"])
+    return columns, columns.time
+
+
+def _retrieved(folder: str, options: Options):
+    from cloudjax_data import read_retrieval
+    from cloudjax_scenes.retrieved_columns import RetrievedColumns
+
+    columns = RetrievedColumns.of(read_retrieval(folder))
+    return columns, options["time"] or columns.time
+
+
+def _of_particles(file: str, options: Options):
+    from cloudjax_scenes.particle_columns import ParticleColumns
+
+    columns = ParticleColumns.read(file, options["time"])
+    return columns, columns.time
+
+
+COLUMN_OPTIONS = (
+    ColumnOption("wrf", "the model's own", _of_a_model),
+    ColumnOption("retrieval", "what the satellite has seen", _retrieved),
+    ColumnOption("particles", "those of the file", _of_particles),
+)
