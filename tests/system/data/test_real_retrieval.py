@@ -63,4 +63,4 @@ def test_the_clouds_are_rendered_from_straight_above(columns, shared_data, tmp_p
         depth = np.ma.filled(file["cloud_optical_depth"][:], np.nan)
     pixel_m = 2 * 700e3 * np.tan(np.radians(18)) / 70
     found = np.nansum(depth) * pixel_m**2
-    assert found == pytest.approx(depth_columns(columns).extinction_area_m2(), rel=0.1)
+    assert found == pytest.approx(depth_columns(columns).extinction_area_m2(), rel=0.05)
