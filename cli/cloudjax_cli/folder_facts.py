@@ -13,8 +13,10 @@ from cloudjax_data import (
     SceneFolder,
     check_time,
     read_band,
+    read_retrieval,
     read_weather,
 )
+from cloudjax_data.abi_retrieval import holds_retrieval
 from cloudjax_fit.cautions import missing_share
 from cloudjax_fit.fit_inputs import FitInputs, read_inputs
 from cloudjax_fit.targets import Target
@@ -53,6 +55,8 @@ def folder_rows(folder: SceneFolder) -> Iterator[Row]:
     missing = sorted(set(range(1, 17)) - set(bands) - set(broken))
     yield "missing", f"bands {_listed(missing)}" if missing else "no band"
     yield "products", ", ".join(sorted(folder.products)) or "none"
+    if holds_retrieval(folder):
+        yield "retrieval", _retrieval(folder)
     yield from _weather_rows(folder, some)
     yield "settings", ", ".join(folder.settings) or "none (no scene.toml)"
     strangers = [file for file in folder.ignored if file not in folder.unreadable]
@@ -61,6 +65,20 @@ def folder_rows(folder: SceneFolder) -> Iterator[Row]:
     if folder.unreadable:
         names = ", ".join(file.name for file in folder.unreadable)
         yield "unreadable", f"{names}: left alone"
+
+
+def _retrieval(folder: SceneFolder) -> str:
+    try:
+        found = read_retrieval(folder.path)
+    except DataError as error:
+        return f"cannot be used: {error}"
+    rows, columns = found.grid.shape
+    share = found.cloudy.mean()
+    return (
+        f"clouds for render SENSOR --retrieval: {rows} x {columns} pixels, "
+        f"{share:.0%} cloudy, {found.unknown.mean():.0%} unknown, "
+        f"{found.time:%Y-%m-%d %H:%M} UTC"
+    )
 
 
 def _readable_bands(

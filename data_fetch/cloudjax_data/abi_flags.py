@@ -36,7 +36,7 @@ class AbiFlags:
 
     @property
     def usable(self) -> Bool[np.ndarray, "y x"]:
-        """Where all parts of the flag are explained, and none is called invalid."""
+        """Tell where all of the flag is explained, and none of it called invalid."""
         found = self.valid & ~self.say("invalid")
         for part in {mask for mask, _, _ in self.meanings}:
             values = [value for mask, value, _ in self.meanings if mask == part]

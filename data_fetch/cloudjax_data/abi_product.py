@@ -75,7 +75,7 @@ class AbiProduct:
 
     @property
     def good(self) -> Bool[np.ndarray, "y x"]:
-        """Where there is a value that the flags let count."""
+        """Tell where there is a value that the flags let count."""
         return np.isfinite(self.values) & self.flags.usable
 
 

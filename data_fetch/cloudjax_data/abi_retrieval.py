@@ -54,7 +54,7 @@ class CloudRetrieval:
 
     @property
     def cloudy(self) -> Bool[np.ndarray, "y x"]:
-        """Where there is cloud."""
+        """Tell where there is cloud."""
         return self.optical_depth > 0
 
     def require_cloud(self) -> None:
@@ -198,4 +198,4 @@ def _from_nearest(heights: np.ndarray, path: Path) -> np.ndarray:
     indices = distance_transform_edt(
         missing, return_distances=False, return_indices=True
     )
-    return heights[tuple(indices)]
+    return heights[tuple(np.asarray(indices))]

@@ -12,7 +12,7 @@ from datetime import datetime
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from cloudjax.geometry.column_grid import ColumnGrid
 from cloudjax.geometry.geostationary_map import column_grid
@@ -131,16 +131,20 @@ class _Seen:
 
 def _covering(
     image: ColumnGrid, seen: Sequence[_Seen]
-) -> tuple[Int[np.ndarray, "2"], ColumnGrid]:
-    """Columns where there is cloud and some more about them, in step with the pixels;
+) -> tuple[Float[np.ndarray, "2"], ColumnGrid]:
+    """Columns where there is cloud and some more about them, as far apart as pixels;
     and the first of them among columns that are the pixels.
+
+    They stand so that clouds come to stand in the middles of columns as far as it can
+    be: those of one height all do.
     """
     at = np.concatenate([one.at[:, one.cloudy] for one in seen], axis=1)
-    first = np.floor(at.min(axis=1)).astype(int) - _MARGIN
-    last = np.ceil(at.max(axis=1)).astype(int) + _MARGIN
+    # The mean of what is beyond whole columns, as angles.
+    beyond = np.angle(np.exp(2j * np.pi * at).mean(axis=1)) / (2 * np.pi)
+    first = np.floor(at.min(axis=1) - beyond) + beyond - _MARGIN
+    rows, columns = (np.ceil(at.max(axis=1) - first) + _MARGIN + 1).astype(int)
     (x0, y0), (dx, dy) = image.first_m, image.spacing_m
     corner = (float(x0 + first[1] * dx), float(y0 + first[0] * dy))
-    rows, columns = last - first + 1
     return first, replace(image, first_m=corner, shape=(int(rows), int(columns)))
 
 

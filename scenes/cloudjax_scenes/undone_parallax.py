@@ -89,11 +89,12 @@ def stand(
 
     **Arguments:** `at`: of `moved`; `shape`: of the columns.
     """
+    column, source = _claims(at, cloudy, shape)
     pixel = np.full(shape, -1)
-    for column, source in _claims(at, cloudy, shape):
-        pixel.reshape(-1)[column] = source
+    # The last of several claims to a column stays.
+    pixel.reshape(-1)[column] = source
     claimed = pixel >= 0
-    hidden = _closed(claimed, _spread(at, cloudy)) & ~claimed
+    hidden = ~claimed & _closed(claimed, _spread(at, cloudy))
     pixel = np.where(hidden, pixel[tuple(_nearest(claimed))], pixel)
     return Standing(pixel, (pixel >= 0) & cloudy.reshape(-1)[pixel])
 
@@ -116,7 +117,7 @@ def _claims(at, cloudy, shape):
     )
     own = off <= 0.5
     order = np.lexsort((-off, cloud, own))
-    yield flat[order], source[order]
+    return flat[order], source[order]
 
 
 def _spread(at, cloudy) -> int:
@@ -131,8 +132,9 @@ def _closed(claimed, width: int):
     around = np.pad(claimed, width + 1)
     size = 2 * width + 1
     closed = minimum_filter(maximum_filter(around, size), size)
-    return closed[width + 1 : -width - 1, width + 1 : -width - 1]
+    return np.asarray(closed, bool)[width + 1 : -width - 1, width + 1 : -width - 1]
 
 
 def _nearest(known: Bool[np.ndarray, "y x"]) -> Int[np.ndarray, "2 y x"]:
-    return distance_transform_edt(~known, return_distances=False, return_indices=True)
+    found = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(found)

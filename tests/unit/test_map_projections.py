@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from cloudjax.geometry.column_grid import ColumnGrid
+from cloudjax.geometry.fixed_grid import FixedGrid
 from cloudjax.geometry.geodesy import ecef
+from cloudjax.geometry.geostationary_map import GeostationaryMap, column_grid
 from cloudjax.geometry.map_projections import (
     MODEL_RADIUS_M,
     ConformalConic,
@@ -112,3 +114,51 @@ def test_a_grid_knows_its_rows_steps_and_areas(own, words, middle):
     scale = factors.meridional_scale * factors.parallel_scale
     # An ellipsoid has not the areas of the sphere.
     np.testing.assert_allclose(grid.area_m2() * scale, 6e6, rtol=0.01)
+
+
+@pytest.mark.parametrize("sweep", ["x", "y"])
+def test_the_map_of_a_geostationary_imager_is_proj_s(sweep):
+    words = "+proj=geos +h=35786023 +lon_0=-75 +a=6378137 +b=6356752.31414"
+    theirs = pyproj.Proj(f"{words} +sweep={sweep}")
+    own = GeostationaryMap(-75.0, sweep=sweep)
+    latitude, longitude = np.meshgrid(
+        np.linspace(-60, 60, 7), np.linspace(-130, -20, 6)
+    )
+    x, y = own.project(latitude, longitude)
+    np.testing.assert_allclose((x, y), theirs(longitude, latitude), atol=1e-3)
+    back = own.places(x, y)
+    np.testing.assert_allclose(back, (latitude, longitude), atol=1e-9)
+    east, north = own.to_east_and_north(latitude, longitude, *_northward(own))
+    np.testing.assert_allclose(east, 0, atol=1e-3)
+    assert (north > 0).all()
+
+
+def _northward(own):
+    """The map's own way of a step to the north, at the places of the test above."""
+    latitude, longitude = np.meshgrid(
+        np.linspace(-60, 60, 7), np.linspace(-130, -20, 6)
+    )
+    before, after = (own.project(latitude + d, longitude) for d in (-1e-3, 1e-3))
+    way = np.subtract(after, before)
+    return way / np.linalg.norm(way, axis=0)
+
+
+def test_what_an_imager_does_not_see_is_not_on_its_map():
+    own = GeostationaryMap(-75.0)
+    x, _ = own.project(np.array([0.0]), np.array([105.0]))
+    assert np.isinf(x)
+    # Beyond the edge of the Earth there are places still, those of the edge.
+    latitude, _ = own.places(np.array([0.0]), np.array([6e6]))
+    assert 80 < latitude < 90
+
+
+def test_columns_on_the_pixels_of_an_imager_are_where_these_see_the_ground():
+    imager = FixedGrid(
+        -0.07 + 5.6e-5 * np.arange(5), 0.09 - 5.6e-5 * np.arange(4), -75.0
+    )
+    grid = column_grid(imager, margin=2)
+    ground, _ = imager.rays().ground()
+    row, column = grid.index(ground.latitude_deg, ground.longitude_deg)
+    expected = np.indices((4, 5)).reshape(2, -1) + 2
+    np.testing.assert_allclose((row, column), expected, atol=1e-6)
+    assert grid.shape == (8, 9)
