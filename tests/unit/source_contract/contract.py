@@ -28,7 +28,9 @@ from cloudjax import (
     look,
 )
 from cloudjax.clouds.columns import ColumnCloud
+from cloudjax.clouds.detailed_columns import DetailedColumns
 from cloudjax.clouds.kernels import KernelCloud
+from cloudjax.clouds.noise import Gaussian
 from cloudjax.geometry.column_grid import ColumnGrid
 from cloudjax.geometry.geodesy import ecef
 from cloudjax.geometry.map_projections import ConformalConic
@@ -106,6 +108,11 @@ def _columns() -> ColumnCloud:
     )
 
 
+def _detailed() -> DetailedColumns:
+    """Detail from 3 km down to 750 m, of which pixels leave a part."""
+    return DetailedColumns.of(_columns(), Gaussian(), shortest_m=750.0, spread=0.4)
+
+
 def _kernels() -> KernelCloud:
     """Blobs as wide as pixels, about the places that the rays look at."""
     rng = np.random.default_rng(2)
@@ -123,10 +130,11 @@ SOURCES: dict[str, Callable[[], AbstractCloudSource]] = {
     "periodic": ft.partial(_gridded, periodic=True),
     "kernels": _kernels,
     "columns": _columns,
+    "detailed columns": _detailed,
     "ready columns": lambda: _columns().ready(),
 }
 # Whose tests take minutes, or that differ from another source by little.
-SLOW = ("columns", "ready columns", "periodic")
+SLOW = ("columns", "ready columns", "detailed columns", "periodic")
 # What depends on places and is read with them. Not parameters.
 READ_WITH_PLACES = ("mask", "displacements", "fields")
 
