@@ -184,15 +184,31 @@ class FixedGrid:
 
         **Raises:** `ValueError` where the satellite does not see it.
         """
-        φ, λ = np.array([latitude_deg]), np.array([longitude_deg])
-        line = self._line_m(φ, λ)
-        if line[0] @ up(φ, λ)[0] >= 0:
+        x, y, seen = self.sights_of(np.array([latitude_deg]), np.array([longitude_deg]))
+        if not seen[0]:
             raise ValueError(
                 f"Latitude {latitude_deg} longitude {longitude_deg} cannot be seen "
                 f"from above longitude {self.subsatellite_longitude_deg}."
             )
-        x, y = self._angles_rad(line)
         return float(x[0]), float(y[0])
+
+    def sights_of(
+        self,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> tuple[
+        Float[np.ndarray, " points"],
+        Float[np.ndarray, " points"],
+        Bool[np.ndarray, " points"],
+    ]:
+        """Return the scan angles x and y [radians] of places on the ground, and whether
+        the satellite sees them.
+
+        Those of a place that it does not see are of the Earth before it.
+        """
+        line = self._line_m(latitude_deg, longitude_deg)
+        seen = (line * up(latitude_deg, longitude_deg)).sum(-1) < 0
+        return *self._angles_rad(line), seen
 
     def _line_m(self, latitude_deg, longitude_deg) -> Float[np.ndarray, "points 3"]:
         """From the satellite to places on the ground."""

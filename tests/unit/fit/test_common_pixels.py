@@ -8,8 +8,9 @@ from tests.generated import window
 
 from cloudjax import FixedGrid
 from cloudjax_data import DataError
+from cloudjax_fit.band_radiances import BandRadiances
 from cloudjax_fit.common_pixels import common_pixels
-from cloudjax_fit.comparison import BandRadiances, compare
+from cloudjax_fit.comparison import compare
 
 
 UNITS = "mW m-2 sr-1 (cm-1)-1"

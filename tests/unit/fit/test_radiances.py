@@ -4,11 +4,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from tests.generated import SCAN_START, default_calibration
 from tests.scenes import write_scene
 
 import cloudjax_data
 from cloudjax_data import DataError
-from cloudjax_fit.comparison import BandRadiances, compare, read_radiances
+from cloudjax_fit.band_radiances import BandRadiances
+from cloudjax_fit.comparison import compare
+from cloudjax_fit.radiance_files import read_radiances
 
 
 VISIBLE = "W m-2 sr-1 um-1"
@@ -63,8 +66,15 @@ def test_single_abi_files_are_read_by_the_data_package(
     tmp_path, monkeypatch, variables, expected
 ):
     def read_band(path, band=7):
-        ones = np.ones((2, 2))
-        return SimpleNamespace(number=band, units=THERMAL, radiance=ones, grid=None)
+        return SimpleNamespace(
+            number=band,
+            units=THERMAL,
+            radiance=np.ones((2, 2)),
+            grid=None,
+            time=SCAN_START,
+            wavelength_um=10.3,
+            calibration=default_calibration(band),
+        )
 
     monkeypatch.setattr(cloudjax_data, "read_band", read_band)
     xr.Dataset({name: ("y", [0.0]) for name in variables}).to_netcdf(tmp_path / "a.nc")
