@@ -15,8 +15,8 @@ NOON = "2005-08-28_17:00:00"
 
 
 def _model(path, *, times=(NOON,), water=1.0):
-    """Some 400 km of columns with cloud at 3 to 4 km, from none in the west to 0.03 g/kg
-    in the east.
+    """Some 400 km of columns with cloud at 3 to 4 km, from none in the west to
+    0.03 g/kg in the east.
     """
     cloud = np.zeros((LEVELS, *SHAPE))
     cloud[3] = water * 3e-5 * np.linspace(0, 1, SHAPE[1])

@@ -36,7 +36,7 @@ def _scene(folder: Path, fine=1, **where) -> Path:
     folder.mkdir()
     for band, times, value in ((2, fine, 0.3), (13, 1, 280.0)):
         grid = _grid(2 / times, 200 * times, **where)
-        seen = np.full(grid.shape, default_calibration(band).radiance(value))
+        seen = default_calibration(band).radiance(np.full(grid.shape, value))
         write_abi_l1b(
             folder, band=band, radiance=seen, grid=grid, platform="G16",
             orbital_slot="GOES-East",
@@ -99,7 +99,7 @@ def test_the_model_is_seen_as_the_scene_was(folder, rendered, order):
     found = json.loads((folder / "out" / "report.json").read_text())
     assert (found["a"], found["b"]) == tuple(str(folder / name) for name in order)
     assert found["bands"]["13"]["n_observed"] == found["bands"]["13"]["n_simulated"]
-    thermal = float(default_calibration(13).radiance(280.0))
+    (thermal,) = default_calibration(13).radiance(np.array([280.0]))
     sign = 1 if order[0] == "scene" else -1
     assert found["bands"]["13"]["bias"] == pytest.approx(
         sign * (50 - thermal), abs=0.05

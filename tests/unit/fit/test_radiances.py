@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
-from tests.generated import SCAN_START, default_calibration
+from tests.generated import SCAN_START
 from tests.scenes import write_scene
 
 import cloudjax_data
@@ -55,6 +55,9 @@ def test_folders_and_their_files_hold_what_their_reader_finds(tmp_path):
         (alone,) = read_radiances(file).values()
         for read in (found[band.number], alone):
             assert (read.number, read.units) == (band.number, band.units)
+            assert (read.time, read.grid) == (band.time, band.grid)
+            shown = band.calibration.radiance(read.shown())
+            np.testing.assert_allclose(shown, band.radiance, rtol=1e-4)
             np.testing.assert_array_equal(read.values, band.radiance)
 
 
@@ -72,11 +75,10 @@ def test_single_abi_files_are_read_by_the_data_package(
             radiance=np.ones((2, 2)),
             grid=None,
             time=SCAN_START,
-            wavelength_um=10.3,
-            calibration=default_calibration(band),
         )
 
     monkeypatch.setattr(cloudjax_data, "read_band", read_band)
+    monkeypatch.setattr("cloudjax_scenes.abi_bands.band_of_file", lambda band: None)
     xr.Dataset({name: ("y", [0.0]) for name in variables}).to_netcdf(tmp_path / "a.nc")
     assert list(read_radiances(tmp_path / "a.nc")) == expected
 
