@@ -128,13 +128,18 @@ def _of_common_pixels(
         return a, b, ""
     shared = replace(a, values=both[0]), replace(b, values=both[1])
     _check_comparable(*shared, names)
+    # Of the area: pixels that were averaged are fewer and not lost.
     kept = [
-        one.pixels().size / max(whole.pixels().size, 1)
+        _known_share(one) / max(_known_share(whole), 1e-12)
         for one, whole in zip(shared, (a, b), strict=True)
     ]
     share = 1 - min(kept)
     said = f"{share:.1%} of the pixels of band {a.number} are in one of the two only"
-    return *shared, f"{said}, and are left out." if share > 0 else ""
+    return *shared, f"{said}, and are left out." if share > 1e-9 else ""
+
+
+def _known_share(band: BandRadiances) -> float:
+    return band.pixels().size / band.values.size
 
 
 def _compare_band(a: BandRadiances, b: BandRadiances) -> BandComparison:

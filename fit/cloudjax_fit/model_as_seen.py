@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cloudjax_scenes.band_image import BandImage
 from cloudjax_scenes.image_strips import render_strips
 from cloudjax_scenes.model_scene import ModelWorld
 from cloudjax_scenes.quality import STANDARD, Quality
 from cloudjax_scenes.quantity import RADIANCE
-from cloudjax_scenes.sensor_image import SensorImage
 from cloudjax_scenes.sensors import Sensor
 
 from .air_column import AirColumn, model_air
@@ -64,7 +64,10 @@ def model_beside(
     strips = list(rendered)
     return ModelBeside(
         image=image,
-        model={n: _radiances(match, image[n], strips) for n in image},
+        model={
+            n: _radiances(match, seen, [strip.band(n) for strip in strips])
+            for n, seen in image.items()
+        },
         air=model_air(world),
         facts=_facts(match),
         warnings=(
@@ -76,12 +79,11 @@ def model_beside(
 
 
 def _radiances(
-    match: Match, like: BandRadiances, strips: list[SensorImage]
+    match: Match, like: BandRadiances, strips: list[BandImage]
 ) -> BandRadiances:
     """The rendered band, in the quantity of the image, where there are columns."""
-    bands = [strip.band(like.number) for strip in strips]
     seen = np.concatenate(
-        [b.radiance if like.quantity is RADIANCE else b.shown for b in bands]
+        [s.radiance if like.quantity is RADIANCE else s.shown for s in strips]
     )
     return BandRadiances(
         like.number,

@@ -31,12 +31,18 @@ def _grid(step_km=2, pixels=200, east_km=0) -> FixedGrid:
     return FixedGrid(x + half, y - half, -75.0)
 
 
+def _specks(shape) -> np.ndarray:
+    """So little that means are the same, and enough for textures."""
+    return 0.1 * np.random.default_rng(0).standard_normal(shape)
+
+
 def _scene(folder: Path, fine=1, **where) -> Path:
     """Bands 2 and 13, the former on pixels that are so much finer."""
     folder.mkdir()
     for band, times, value in ((2, fine, 0.3), (13, 1, 280.0)):
         grid = _grid(2 / times, 200 * times, **where)
         seen = default_calibration(band).radiance(np.full(grid.shape, value))
+        seen += _specks(grid.shape)
         write_abi_l1b(
             folder, band=band, radiance=seen, grid=grid, platform="G16",
             orbital_slot="GOES-East",
@@ -68,8 +74,9 @@ def rendered(monkeypatch):
         asked.append((world, sensor, [band.number for band in bands], time))
 
         def band(number):
-            seen = np.full(sensor.view.shape, 50.0)
-            return BandImage(sensor.bands[number], {}, seen)
+            seen = np.full(sensor.view.shape, 50.0) + _specks(sensor.view.shape)
+            own = sensor.bands[number]
+            return BandImage(own, own.coefficients(), seen)
 
         return [SimpleNamespace(band=band)]
 
@@ -128,7 +135,7 @@ REFUSED = {
     ),
     "asked time": (
         ("scene", "model.nc"),
-        ("--time", (SCAN_START - timedelta(minutes=70)).isoformat()),
+        ("--time", (SCAN_START - timedelta(minutes=70)).strftime("%Y-%m-%dT%H:%M:%S")),
         "70 minutes apart",
     ),
     "place": (("aside", "model.nc"), (), "of the columns are in the image and"),

@@ -40,6 +40,13 @@ def test_both_are_compared_where_both_are():
     ]
 
 
+def test_pixels_that_are_averaged_are_not_called_left_out():
+    fine, coarse = window((8, 8), 2.8e-5), window((4, 4), 5.6e-5)
+    one = BandRadiances(13, UNITS, np.arange(64.0).reshape(8, 8), grid=fine)
+    other = BandRadiances(13, UNITS, np.arange(16.0).reshape(4, 4), grid=coarse)
+    assert compare({13: one}, {13: other}, ("a", "b")).warnings == []
+
+
 def test_fine_pixels_are_averaged_and_all_of_them_must_be_there():
     fine, coarse = window((8, 8), 2.8e-5), window((4, 4), 5.6e-5)
     a, b = np.arange(64.0).reshape(8, 8), np.ones((4, 4))
