@@ -22,7 +22,7 @@ SIZE = {"DX": 20e3, "DY": 20e3}
 SAID = "%Y-%m-%d_%H:%M:%S"
 
 
-def _grid(step_km=2, pixels=200, east_km=0) -> FixedGrid:
+def _grid(step_km=2.0, pixels=200, east_km=0) -> FixedGrid:
     """A part of the fixed grid around the model's middle."""
     step = step_km * 28e-6
     x, y = FixedGrid.abi_full_disc(10.0).scan_angles_rad(*PLACE)
