@@ -11,8 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from cloudjax_fit.band_radiances import BandRadiances
 from cloudjax_fit.common_pixels import common_pixels
-from cloudjax_fit.comparison import BandRadiances, read_radiances
+from cloudjax_fit.radiance_files import read_radiances
 from cloudjax_fit.texture import TexturePair, texture
 
 

@@ -208,7 +208,7 @@ def _advection(made_of: SceneFromImagery) -> str:
 
 
 def _sun(band: AbiBand) -> str:
-    low, high = heights = sun_heights_deg(band)
+    low, high = heights = sun_heights_deg(band.grid, band.time)
     hour = "day" if is_day(heights) else "night, reflective bands see no cloud"
     return f"{hour}: {low:.0f} to {high:.0f} deg above the horizon"
 

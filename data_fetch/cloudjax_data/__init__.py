@@ -40,4 +40,5 @@ from .wrf import WrfColumns as WrfColumns
 from .wrf import read_wrf as read_wrf
 from .wrf_times import WrfFrame as WrfFrame
 from .wrf_times import WrfRun as WrfRun
+from .wrf_times import is_wrf as is_wrf
 from .wrf_times import open_wrf as open_wrf

@@ -16,6 +16,8 @@ from .packed import netcdf_file
 
 
 _SAID = "%Y-%m-%d_%H:%M:%S"
+# Of WRF's own files, by which they are known.
+_DIMENSIONS = {"south_north", "west_east", "bottom_top"}
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,10 @@ class WrfRun:
         """Give the times, ascending, in UTC."""
         return tuple(frame.time for frame in self.frames)
 
+    def nearest(self, time: datetime) -> WrfFrame:
+        """Return the frame whose time is the least from another one."""
+        return min(self.frames, key=lambda frame: abs(frame.time - time))
+
     def at(self, time: datetime | None = None) -> WrfFrame:
         """Return the frame of a time, by default the first.
 
@@ -57,6 +63,18 @@ class WrfRun:
             f"{first.path} has no {time.strftime(_SAID)}: its {len(self.frames)} times "
             f"are {first.time.strftime(_SAID)}{more}, choose one of them."
         )
+
+
+def is_wrf(path: str | PathLike[str]) -> bool:
+    """Tell whether a file is of WRF, by what it holds; not if it cannot be read."""
+    path = Path(path)
+    if not path.is_file():
+        return False
+    try:
+        with netcdf_file(path) as file:
+            return file.dimensions.keys() >= _DIMENSIONS
+    except DataError:
+        return False
 
 
 def open_wrf(paths: str | PathLike[str] | Sequence[str | PathLike[str]]) -> WrfRun:

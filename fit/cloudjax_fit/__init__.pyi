@@ -1,5 +1,4 @@
 from .comparison import compare as compare
-from .comparison import read_radiances as read_radiances
 from .embedded import embedded_target as embedded_target
 from .fit_files import write_fit as write_fit
 from .fit_inputs import FitInputs as FitInputs
@@ -14,6 +13,7 @@ from .histogram import quantiles as quantiles
 from .observation import observe as observe
 from .parameter_file import read_parameters as read_parameters
 from .parameters import Parameter as Parameter
+from .radiance_files import read_radiances as read_radiances
 from .report import write_comparison as write_comparison
 from .scene_parameters import scene_parameters as scene_parameters
 from .statistics import Statistics as Statistics

@@ -1,77 +1,18 @@
-"""Radiances of one or more bands, read from whatever holds them, and compared."""
+"""Radiances of one or more bands are compared, band by band."""
 
 import math
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from os import PathLike
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Num
 
-from cloudjax import FixedGrid
-from cloudjax_scenes.quantity import RADIANCE, Quantity, parse_variable
-
+from .air_column import AirColumn, standard_air
+from .band_radiances import BandRadiances
 from .common_pixels import common_pixels
+from .cover_and_tops import CloudPair, clouds_of_both
 from .histogram import Distances, distances
 from .texture import FEWEST_ROWS, TexturePair, texture
-
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from cloudjax_data import AbiBand
-
-
-_MULTIBAND = re.compile(r"CMI_C(\d\d)$")
-
-
-@dataclass(frozen=True, eq=False)
-class BandRadiances:
-    """Radiances of one ABI band, in `units`, NaN where there is none.
-
-    Or another `quantity`, where a file has no radiances. `values` are an image
-    `[y, x]`, or pixels without places `[n]`. `grid` is that of an image, where it is
-    known.
-    """
-
-    number: int
-    units: str
-    values: Num[np.ndarray, "_ _"] | Num[np.ndarray, " _"]
-    quantity: Quantity = RADIANCE
-    grid: FixedGrid | None = None
-
-    def pixels(self) -> Float[np.ndarray, " n"]:
-        """The finite radiances, without their places, in float64."""
-        values = np.asarray(self.values, np.float64).ravel()
-        return values[np.isfinite(values)]
-
-    def image(self) -> Num[np.ndarray, "_ _"] | None:
-        """The image, or None for pixels without places."""
-        return self.values if self.values.ndim == 2 else None
-
-
-def read_radiances(path: str | PathLike[str]) -> dict[int, BandRadiances]:
-    """Reads every band that a path holds, keyed by band number.
-
-    `path` is a scene folder, one ABI file, or a netCDF file that cloudjax wrote: one
-    variable `radiance_C13` per band, with the attributes `units` and `abi_band`. Where
-    a band has none, `reflectance_C01` or `brightness_temperature_C13` is read.
-
-    Raises `cloudjax_data.DataError`, one sentence that names the file and the remedy,
-    for anything else.
-    """
-    from cloudjax_data import DataError
-
-    path = Path(path)
-    if path.is_dir():
-        return _read_folder(path)
-    if not path.exists():
-        raise DataError(f"{path} does not exist: give a scene folder or a netCDF file.")
-    return _read_file(path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +33,17 @@ class BandComparison:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Two sets of radiances, called `names`, in the bands that they share."""
+    """Two sets of radiances, called `names`, in the bands that they share.
+
+    `clouds` are None where these bands do not tell them from the ground; `facts` are
+    shown on top.
+    """
 
     title: str
     names: tuple[str, str]
     bands: Sequence[BandComparison]
+    clouds: CloudPair | None = None
+    facts: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
 
@@ -106,11 +53,18 @@ def compare(
     b: Mapping[int, BandRadiances],
     names: tuple[str, str],
     versions: Mapping[str, str] | None = None,
+    *,
+    air: AirColumn | None = None,
+    facts: Mapping[str, str] | None = None,
+    warnings: Sequence[str] = (),
 ) -> Comparison:
     """Measures how far the valid pixels of two sets of radiances are from each other.
 
     Bands that only one of them holds are left out, with a warning in the result, and so
     are the pixels that only one has of images of one area.
+
+    `air` tells heights of cloud tops, by default that of the US standard atmosphere;
+    `facts` and `warnings` are put before those that are found.
 
     Raises `cloudjax_data.DataError` when there is no band in common, when the two give
     a band as different quantities or in different units, or when one of them has no
@@ -125,7 +79,17 @@ def compare(
         title=f"{names[0]} and {names[1]}: radiances compared",
         names=names,
         bands=[_compare_band(one, other) for one, other, _ in pairs],
-        warnings=_left_out(a, b, names) + [said for *_, said in pairs if said],
+        clouds=clouds_of_both(
+            {one.number: one for one, *_ in pairs},
+            {other.number: other for _, other, _ in pairs},
+            air or standard_air(),
+        ),
+        facts=facts or {},
+        warnings=[
+            *warnings,
+            *_left_out(a, b, names),
+            *(said for *_, said in pairs if said),
+        ],
         versions=versions or {},
     )
 
@@ -145,6 +109,8 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
         "a": comparison.names[0],
         "b": comparison.names[1],
         "warnings": list(comparison.warnings),
+        "facts": dict(comparison.facts),
+        "clouds": None if comparison.clouds is None else comparison.clouds.numbers(),
         "bands": bands,
         "versions": dict(comparison.versions),
     }
@@ -162,13 +128,18 @@ def _of_common_pixels(
         return a, b, ""
     shared = replace(a, values=both[0]), replace(b, values=both[1])
     _check_comparable(*shared, names)
+    # Of the area: pixels that were averaged are fewer and not lost.
     kept = [
-        one.pixels().size / max(whole.pixels().size, 1)
+        _known_share(one) / max(_known_share(whole), 1e-12)
         for one, whole in zip(shared, (a, b), strict=True)
     ]
     share = 1 - min(kept)
     said = f"{share:.1%} of the pixels of band {a.number} are in one of the two only"
-    return *shared, f"{said}, and are left out." if share > 0 else ""
+    return *shared, f"{said}, and are left out." if share > 1e-9 else ""
+
+
+def _known_share(band: BandRadiances) -> float:
+    return band.pixels().size / band.values.size
 
 
 def _compare_band(a: BandRadiances, b: BandRadiances) -> BandComparison:
@@ -243,112 +214,3 @@ def _left_out(
 def _listed(bands: Iterable[int]) -> str:
     numbers = ", ".join(map(str, sorted(bands)))
     return f"bands {numbers}" if numbers else "no bands"
-
-
-def _read_folder(path: Path) -> dict[int, BandRadiances]:
-    from cloudjax_data import open_folder
-
-    return _of_abi(open_folder(path).read().bands.values())
-
-
-def _of_abi(bands: "Iterable[AbiBand]") -> dict[int, BandRadiances]:
-    return {
-        b.number: BandRadiances(b.number, b.units, b.radiance, grid=b.grid)
-        for b in bands
-    }
-
-
-def _read_file(path: Path) -> dict[int, BandRadiances]:
-    from cloudjax_data import DataError, read_band
-
-    with _open_dataset(path) as dataset:
-        names = {str(name) for name in dataset.data_vars}
-        if any(map(parse_variable, names)):
-            return _simulated_bands(dataset, path)
-    if {"Rad", "CMI"} & names:
-        return _of_abi([read_band(path)])
-    numbers = sorted(int(m[1]) for name in names if (m := _MULTIBAND.match(name)))
-    if not numbers:
-        raise DataError(
-            f"{path} holds neither ABI radiances nor those of a cloudjax run: "
-            "give a scene folder, an ABI L1b or CMI file, or a simulated.nc."
-        )
-    return _of_abi(read_band(path, band=number) for number in numbers)
-
-
-@contextmanager
-def _open_dataset(path: Path) -> "Iterator[xr.Dataset]":
-    import xarray as xr
-
-    from cloudjax_data import DataError
-    from cloudjax_data.plain_path import plain_path
-
-    try:
-        # Not decoded yet: the packed integers of ABI files are for their own reader.
-        with (
-            plain_path(path) as plain,
-            xr.open_dataset(plain, engine="netcdf4", decode_cf=False) as dataset,
-        ):
-            yield dataset
-    # The netCDF library raises RuntimeError when the header is whole and the data not.
-    except (OSError, RuntimeError) as error:
-        raise DataError(
-            f"{path} cannot be read as netCDF: it is incomplete or of another kind; "
-            "fetch or write it again."
-        ) from error
-
-
-def _simulated_bands(dataset: "xr.Dataset", path: Path) -> dict[int, BandRadiances]:
-    import xarray as xr
-
-    held = {name: parse_variable(str(name)) for name in dataset.data_vars}
-    known = {name: found for name, found in held.items() if found is not None}
-    grid = _grid_of(dataset)
-    # Radiances last: they replace what else there is of a band.
-    names = sorted(known, key=lambda name: known[name][0] is RADIANCE)
-    bands = {}
-    decoded = xr.decode_cf(dataset[names], decode_times=False)
-    for name in names:
-        quantity, number = known[name]
-        variable = decoded[name]
-        _check_attributes(variable, number, path)
-        units = str(variable.attrs["units"])
-        values = variable.to_numpy()
-        fits = grid is not None and grid.shape == values.shape
-        bands[number] = BandRadiances(
-            number, units, values, quantity, grid if fits else None
-        )
-    return dict(sorted(bands.items()))
-
-
-def _grid_of(dataset: "xr.Dataset") -> FixedGrid | None:
-    """The fixed grid of a file that cloudjax wrote, None of another projection."""
-    axes = [dataset.variables.get(name) for name in ("x", "y")]
-    mapping = dataset.variables.get("goes_imager_projection")
-    if mapping is None or any(a is None or a.attrs.get("units") != "rad" for a in axes):
-        return None
-    x, y = (np.asarray(axis, float) for axis in axes)
-    longitude = mapping.attrs.get("longitude_of_projection_origin")
-    if x.size == 0 or y.size == 0 or not isinstance(longitude, int | float):
-        return None
-    return FixedGrid(x, y, float(longitude))
-
-
-def _check_attributes(variable: "xr.DataArray", number: int, path: Path) -> None:
-    from cloudjax_data import DataError
-
-    if "units" not in variable.attrs:
-        raise DataError(
-            f"{path} gives {variable.name} without units: "
-            "add the attribute, or write the file with cloudjax."
-        )
-    if int(variable.attrs.get("abi_band", number)) != number:
-        raise DataError(
-            f"{path} calls {variable.name} band {variable.attrs['abi_band']}: "
-            "correct its name or its attribute abi_band."
-        )
-    if variable.ndim not in (1, 2):
-        raise DataError(
-            f"{path} gives {variable.name} on {', '.join(map(str, variable.dims))}: "
-            "select one image (y, x) of it."
-        )

@@ -152,7 +152,8 @@ def default_bands(folder: SceneFolder) -> tuple[int, ...]:
     """The bands to use when nobody says which, as far as the folder has them."""
     if not folder.bands:
         return DAY_BANDS
-    day = is_day(sun_heights_deg(_some_band(folder)))
+    some = _some_band(folder)
+    day = is_day(sun_heights_deg(some.grid, some.time))
     usual = DAY_BANDS if day else NIGHT_BANDS
     telling = (*BRIGHT, *COLD_K) if day else tuple(COLD_K)
     for choice in (usual, telling, folder.bands):

@@ -24,6 +24,7 @@ from cloudjax_scenes.quantity import RADIANCE, Quantity
 
 from .comparison import BandComparison, Comparison, comparison_json
 from .condensate import Condensate
+from .cover_and_tops import CloudPair
 from .figures import Curve, Stroke
 from .histogram import Distances, Pixels, Quantiles, sample_of
 from .texture import TexturePair
@@ -139,9 +140,11 @@ def write_comparison(path: str | os.PathLike[str], comparison: Comparison) -> No
     """
     page = _Page(
         title=comparison.title,
-        facts=dict(zip("AB", comparison.names, strict=True)),
+        facts=dict(zip("AB", comparison.names, strict=True)) | dict(comparison.facts),
         warnings=comparison.warnings,
         bands=[_compared_band(band) for band in comparison.bands],
+        clouds=comparison.clouds,
+        tops=_tops_figure(comparison.clouds),
         versions=comparison.versions,
     )
     numbers = json.dumps(comparison_json(comparison), indent=2, allow_nan=False)
@@ -217,6 +220,8 @@ class _Page:
     versions: Mapping[str, str]
     fit: FitReport | None = None
     history: str | None = None
+    clouds: CloudPair | None = None
+    tops: str | None = None
 
 
 def _fit_band(band: BandReport) -> _BandView:
@@ -290,6 +295,20 @@ def _band_view(
             if curve is None
         ],
     )
+
+
+def _tops_figure(clouds: CloudPair | None) -> str | None:
+    if clouds is None:
+        return None
+    strokes = figures.REFERENCE, figures.AFTER
+    curves = [
+        _curve(label, stroke, seen.tops_k)
+        for (label, seen), stroke in zip(clouds.sides, strokes, strict=True)
+        if seen.tops_k is not None
+    ]
+    drawn = [curve for curve in curves if curve is not None]
+    axis = f"brightness temperature of cloud in {clouds.window} (K)"
+    return figures.density_figure(drawn, axis) if drawn else None
 
 
 def _texture_figure(

@@ -1,11 +1,13 @@
 """How high the sun stands over an image."""
 
 from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 
+from cloudjax import FixedGrid
 from cloudjax.geometry.geodesy import up
-from cloudjax_data import AbiBand, sun_direction
+from cloudjax_data import sun_direction
 
 
 # Below this height of the sun the reflective bands tell nothing of cloud.
@@ -14,18 +16,17 @@ LOWEST_SUN_DEG = 5.0
 _POINTS = 50
 
 
-def sun_heights_deg(band: AbiBand) -> tuple[float, float]:
+def sun_heights_deg(grid: FixedGrid, time: datetime) -> tuple[float, float]:
     """The lowest and the highest sun over the pixels that see the Earth.
 
     Below the horizon is negative; NaN if no pixel sees the Earth.
     """
-    grid = band.grid
     thin = replace(grid, x_rad=_thinned(grid.x_rad), y_rad=_thinned(grid.y_rad))
     ground, hit = thin.rays().ground(grid.ellipsoid)
     if not hit.any():
         return np.nan, np.nan
     vertical = up(ground.latitude_deg[hit], ground.longitude_deg[hit])
-    height = np.degrees(np.arcsin(vertical @ sun_direction(band.time)))
+    height = np.degrees(np.arcsin(vertical @ sun_direction(time)))
     return float(height.min()), float(height.max())
 
 

@@ -12,7 +12,6 @@ from cloudjax import (
     FixedGrid,
     LatLonGrid,
     imagery_classes,
-    nominal_bands,
 )
 from cloudjax.geometry.geodesy import up
 from cloudjax_data import (
@@ -27,6 +26,7 @@ from cloudjax_data import (
 )
 from cloudjax_data.plain_path import printable
 
+from .abi_bands import band_of_file
 from .assumed_ground import assumed_background
 from .background import (
     Background,
@@ -326,17 +326,6 @@ def _background(
 
 
 def _band(band: AbiBand, day: bool) -> Band:
-    c, distance_au = band.calibration, earth_sun_distance_au(band.time)
-    if isinstance(c, ReflectiveCalibration):
-        # The files round kappa0 to five digits, and have a distance of their own.
-        irradiance = c.solar_irradiance_w_m2_um
-        solar = irradiance * (distance_au / c.earth_sun_distance_au) ** 2
-        return Band(band.number, band.wavelength_um, solar)
-    # Files of band 7 have no solar irradiance.
-    nominal = nominal_bands()[band.number]
-    return Band(
-        band.number,
-        band.wavelength_um,
-        nominal.solar_irradiance if day else None,
-        (c.fk1, c.fk2, c.bc1, c.bc2),
-    )
+    found = band_of_file(band)
+    sees_the_sun = day or found.reflective
+    return found if sees_the_sun else replace(found, solar_irradiance=None)

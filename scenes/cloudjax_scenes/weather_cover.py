@@ -6,22 +6,7 @@ from jaxtyping import Bool, Float
 from cloudjax import FixedGrid
 from cloudjax_data import DataError, WeatherCube
 
-
-# Pixels per axis that stand for all.
-_PIXELS = 100
-
-
-def _scene_places(
-    grid: FixedGrid,
-) -> tuple[Float[np.ndarray, " places"], Float[np.ndarray, " places"]]:
-    """Latitudes and longitudes of pixels all over the part that sees the Earth."""
-    rows, columns = (
-        np.unique(np.linspace(0, size - 1, min(size, _PIXELS)).round().astype(int))
-        for size in grid.shape
-    )
-    pixels = (rows[:, None] * grid.shape[1] + columns[None, :]).ravel()
-    ground, hit = grid.rays(pixels).ground()
-    return ground.latitude_deg[hit], ground.longitude_deg[hit]
+from .scene_places import scene_places, where
 
 
 def held_share(cube: WeatherCube, grid: FixedGrid) -> float:
@@ -46,18 +31,12 @@ def held_places(
 
     **Raises:** `DataError` if there are none.
     """
-    latitude, longitude = _scene_places(grid)
+    latitude, longitude = scene_places(grid)
     held = cube.holds(latitude, longitude)
     if latitude.size and not held.any():
         raise DataError(
             f"{cube.path} covers {cube.extent}, and nothing of the scene, which is at "
-            f"latitudes {latitude.min():.4g} to {latitude.max():.4g}, around longitude "
-            f"{_middle(longitude):.4g}: get the analysis of that place, or go on "
+            f"{where(latitude, longitude)}: get the analysis of that place, or go on "
             "without it with --ignore-weather."
         )
     return latitude, longitude, held
-
-
-def _middle(longitude_deg: np.ndarray) -> float:
-    direction = np.exp(1j * np.radians(longitude_deg)).mean()
-    return float(np.degrees(np.angle(direction)))

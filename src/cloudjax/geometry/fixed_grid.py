@@ -184,14 +184,12 @@ class FixedGrid:
 
         **Raises:** `ValueError` where the satellite does not see it.
         """
-        φ, λ = np.array([latitude_deg]), np.array([longitude_deg])
-        line = self._line_m(φ, λ)
-        if line[0] @ up(φ, λ)[0] >= 0:
+        x, y = self.angles_of(np.array([latitude_deg]), np.array([longitude_deg]))
+        if np.isinf(x[0]):
             raise ValueError(
                 f"Latitude {latitude_deg} longitude {longitude_deg} cannot be seen "
                 f"from above longitude {self.subsatellite_longitude_deg}."
             )
-        x, y = self._angles_rad(line)
         return float(x[0]), float(y[0])
 
     def angles_of(

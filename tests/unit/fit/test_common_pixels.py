@@ -8,8 +8,9 @@ from tests.generated import window
 
 from cloudjax import FixedGrid
 from cloudjax_data import DataError
+from cloudjax_fit.band_radiances import BandRadiances
 from cloudjax_fit.common_pixels import common_pixels
-from cloudjax_fit.comparison import BandRadiances, compare
+from cloudjax_fit.comparison import compare
 
 
 UNITS = "mW m-2 sr-1 (cm-1)-1"
@@ -37,6 +38,13 @@ def test_both_are_compared_where_both_are():
         f"{share:.1%} of the pixels of band 13 are in one of the two only, and are "
         "left out."
     ]
+
+
+def test_pixels_that_are_averaged_are_not_called_left_out():
+    fine, coarse = window((8, 8), 2.8e-5), window((4, 4), 5.6e-5)
+    one = BandRadiances(13, UNITS, np.arange(64.0).reshape(8, 8), grid=fine)
+    other = BandRadiances(13, UNITS, np.arange(16.0).reshape(4, 4), grid=coarse)
+    assert compare({13: one}, {13: other}, ("a", "b")).warnings == []
 
 
 def test_fine_pixels_are_averaged_and_all_of_them_must_be_there():

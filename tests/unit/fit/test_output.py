@@ -14,10 +14,10 @@ from tests.scenes import write_scene
 
 from cloudjax import load_classes
 from cloudjax_data import DataError
-from cloudjax_fit.comparison import read_radiances
 from cloudjax_fit.fit_files import fit_numbers, write_fit
 from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_fit.parameter_file import read_parameters
+from cloudjax_fit.radiance_files import read_radiances
 from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.texture import TexturePair, texture
 

@@ -4,11 +4,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from tests.generated import SCAN_START
 from tests.scenes import write_scene
 
 import cloudjax_data
 from cloudjax_data import DataError
-from cloudjax_fit.comparison import BandRadiances, compare, read_radiances
+from cloudjax_fit.band_radiances import BandRadiances
+from cloudjax_fit.comparison import compare
+from cloudjax_fit.radiance_files import read_radiances
 
 
 VISIBLE = "W m-2 sr-1 um-1"
@@ -52,6 +55,9 @@ def test_folders_and_their_files_hold_what_their_reader_finds(tmp_path):
         (alone,) = read_radiances(file).values()
         for read in (found[band.number], alone):
             assert (read.number, read.units) == (band.number, band.units)
+            assert (read.time, read.grid) == (band.time, band.grid)
+            shown = band.calibration.radiance(read.shown())
+            np.testing.assert_allclose(shown, band.radiance, rtol=1e-4)
             np.testing.assert_array_equal(read.values, band.radiance)
 
 
@@ -63,10 +69,16 @@ def test_single_abi_files_are_read_by_the_data_package(
     tmp_path, monkeypatch, variables, expected
 ):
     def read_band(path, band=7):
-        ones = np.ones((2, 2))
-        return SimpleNamespace(number=band, units=THERMAL, radiance=ones, grid=None)
+        return SimpleNamespace(
+            number=band,
+            units=THERMAL,
+            radiance=np.ones((2, 2)),
+            grid=None,
+            time=SCAN_START,
+        )
 
     monkeypatch.setattr(cloudjax_data, "read_band", read_band)
+    monkeypatch.setattr("cloudjax_scenes.abi_bands.band_of_file", lambda band: None)
     xr.Dataset({name: ("y", [0.0]) for name in variables}).to_netcdf(tmp_path / "a.nc")
     assert list(read_radiances(tmp_path / "a.nc")) == expected
 

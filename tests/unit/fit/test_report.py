@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from cloudjax_fit import figures
-from cloudjax_fit.comparison import BandRadiances, compare
+from cloudjax_fit.band_radiances import BandRadiances
+from cloudjax_fit.comparison import compare
 from cloudjax_fit.histogram import distances, quantiles
 from cloudjax_fit.report import (
     BandReport,

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cloudjax_fit.comparison import BandRadiances, compare, comparison_json
+from cloudjax_fit.band_radiances import BandRadiances
+from cloudjax_fit.comparison import compare, comparison_json
 from cloudjax_fit.texture import TexturePair, texture
 
 

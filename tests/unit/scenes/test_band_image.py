@@ -7,7 +7,8 @@ import xarray as xr
 
 from cloudjax import nominal_bands
 from cloudjax_data import DataError, open_folder
-from cloudjax_fit.comparison import compare, read_radiances
+from cloudjax_fit.comparison import compare
+from cloudjax_fit.radiance_files import read_radiances
 from cloudjax_scenes.band_image import BandImage, chosen_quantities
 from cloudjax_scenes.imagery_reduction import reduce_scene
 from cloudjax_scenes.quantity import QUANTITIES
