@@ -35,7 +35,9 @@ class ColumnOption:
     def columns(self, options: Options) -> "tuple[CloudColumns, datetime]":
         """Read the columns, once options that do not apply are refused."""
         own = f"clouds of --{self.name} are {self.whose}"
-        refuse(("seed", "classes", "decision"), options, own)
+        refuse(("classes", "decision"), options, own)
+        if options["detail"] is None:
+            refuse(("seed",), options, f"{own}, nothing is drawn without --detail")
         if options["frames"] > 1:
             raise click.UsageError(f"--{self.name} gives one image: leave out --frames")
         if self.name != "wrf":

@@ -23,7 +23,15 @@ from .sensor_render import CLOUD_OPTIONS, render_over
 
 
 _OF_SCENES = ("parameters", "ignore_weather", "resume")
-_OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
+_OF_SENSORS = (
+    "time",
+    "longitude",
+    "centre",
+    "place",
+    "decision",
+    "detail",
+    "animation",
+)
 
 
 @click.command()
@@ -67,6 +75,13 @@ _OF_SENSORS = ("time", "longitude", "centre", "place", "decision", "animation")
 )
 @click.option(
     "--particles", metavar="FILE.nc", help="Sensor: clouds of cloudjax particles."
+)
+@click.option(
+    "--detail",
+    type=float,
+    metavar="METRES",
+    help="Sensor: fractal detail in clouds of a model or a retrieval, down to waves "
+    "of so many metres.  [default: none]",
 )
 @click.option("--place", type=Place(), help="Sensor: centre of an ideal WRF run.")
 @click.option("--time", type=Time(), help="Sensor: UTC.  [default: of the clouds]")

@@ -49,6 +49,7 @@ def render_over(
             _render_columns(*columns, view, chosen, path, options, quantities)
             return
     refuse(("place",), options, "the place of an ideal run is for --wrf")
+    refuse(("detail",), options, "clouds of weather have detail of their own")
     world = _world(options["weather"], options)
     _render_frames(world, view, chosen, path, options, quantities)
 
@@ -72,8 +73,10 @@ def _render_columns(
 
     from .progress import tile_progress
 
-    light = {} if options["light"] is None else {"light": options["light"]}
-    world = ModelWorld(columns, **light)
+    names = {"light": "light", "detail": "detail_m", "seed": "seed"}
+    asked = {field: options[name] for name, field in names.items()}
+    known = {field: value for field, value in asked.items() if value is not None}
+    world = ModelWorld(columns, **known)
     world, choice = _with_quality(world, view, chosen, time, options)
     for caution in columns.cautions():
         click.echo(caution)

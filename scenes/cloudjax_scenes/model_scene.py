@@ -51,9 +51,11 @@ class ModelWorld:
     - `light`: the strategy for sunlight, one of `lights.LIGHTS`.
     - `shadows`: steps towards the sun, 0 for no shadows.
     - `scattering`: whether cloud scatters thermal radiation; else it absorbs alone.
+    - `detail_m`, `seed`: the shortest wave of fractal detail below the columns, and by
+      which it is drawn; None for no detail.
 
-    **Raises:** `DataError` where the columns have no cloud, for no steps, and for
-    shadows with another light than the physical one.
+    **Raises:** `DataError` where the columns have no cloud, for no steps, for shadows
+    with another light than the physical one, and for detail coarser than the columns.
     """
 
     columns: CloudColumns
@@ -61,7 +63,7 @@ class ModelWorld:
     light: str = "physical"
     shadows: int = 0
     scattering: bool = True
-    # Nothing is drawn at random.
+    detail_m: float | None = None
     seed: int = 0
 
     def __post_init__(self):
@@ -70,6 +72,13 @@ class ModelWorld:
             raise DataError(f"steps = {self.steps} is none: make it 1 or more.")
         # For its errors.
         self.strategy.shadows(self.shadows)
+        width = max(map(abs, self.columns.grid.spacing_m))
+        if self.detail_m is not None and not 1 <= self.detail_m <= width:
+            raise DataError(
+                f"Detail down to {self.detail_m:g} m is none of the columns of "
+                f"{', '.join(self.sources)}, which are {width:g} m wide: make it finer "
+                "than they are, and 1 m or more."
+            )
 
     @property
     def strategy(self) -> Light:
@@ -149,6 +158,8 @@ class ModelWorld:
                 steps=self.steps,
                 extinction_share=self.strategy.share,
                 ready=ready,
+                detail_m=self.detail_m,
+                seed=self.seed,
             )
             for cloud in self.classes.values()
         )

@@ -10,6 +10,8 @@ is 1 wherever and at whatever resolution: the variance that a pixel takes from f
 the exponent as well, in part as structures of the pixel (nodes).
 """
 
+import math
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -27,9 +29,24 @@ from .fractal_path import FractalPath
 from .fractal_samples import FractalSamples
 from .ladder import Ladder, amplitudes, rungs
 from .level_set import Latent
-from .noise import Noise
+from .noise import Gaussian, Noise
 from .rung_reader import NoiseOfRungs
 from .source import AbstractCloudSource, Occupancy, Slopes
+
+
+# Of cloud water in grid boxes of climate models, some 100 km wide: standard deviation
+# over mean (Shonk et al. 2010, Q. J. R. Meteorol. Soc. 136, 1191).
+_FRACTIONAL, _WIDTH_M = 0.75, 100e3
+
+
+def usual_spread(width_m: float) -> float:
+    """Return the standard deviation of the logarithm of content below a width [m].
+
+    With a spectrum of k^(-5/3) variance below a scale goes with its power of 2/3; and
+    a lognormal of the fractional deviation f has σ² = ln(1 + f²).
+    """
+    fractional = _FRACTIONAL * (min(width_m, _WIDTH_M) / _WIDTH_M) ** (1 / 3)
+    return math.sqrt(math.log1p(fractional**2))
 
 
 class DetailedPath(eqx.Module):
@@ -92,24 +109,33 @@ class DetailedColumns(AbstractCloudSource):
     def of(
         cls,
         columns: AbstractColumns,
-        noise: Noise,
-        *,
         shortest_m: float,
-        spread: float,
+        *,
+        spread: float | None = None,
+        noise: Noise | None = None,
         seed: int = 0,
         nodes: int = 3,
     ) -> "DetailedColumns":
         """Give columns detail from their own width down to a wavelength.
 
+        **Arguments:** `spread`: by default `usual_spread` of the width; `noise`: by
+        default Gaussian, so that content is lognormal.
+
         **Raises:** `ValueError` where the columns are narrower than that wavelength.
         """
-        widest = float(max(abs(d) for d in columns.grid.spacing_m))
+        width = float(max(abs(d) for d in columns.grid.spacing_m))
+        if not 1 <= shortest_m <= width:
+            raise ValueError(
+                f"Detail down to {shortest_m:g} m is none of columns {width:g} m wide: "
+                "make it 1 m or more, and finer than they are."
+            )
+        spread = usual_spread(width) if spread is None else spread
         return cls(
             columns=columns,
             spread=jnp.asarray(spread, float),
             persistence=jnp.asarray(2 ** (-1 / 3), float),
             latent=Latent.gauss_hermite(nodes),
-            ladder=Ladder(noise, widest, shortest_m),
+            ladder=Ladder(noise or Gaussian(), width, shortest_m),
             seed=seed,
         )
 

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 
 from cloudjax.clouds.columns import AbstractColumns, ColumnCloud
+from cloudjax.clouds.detailed_columns import DetailedColumns
+from cloudjax.clouds.source import AbstractCloudSource
 from cloudjax.light.cloud_optics import ParticleOptics
 from cloudjax.light.optics import Particles, radius_limits_um
 
@@ -19,6 +21,8 @@ def column_layer(
     steps: int = 24,
     extinction_share: float = 1.0,
     ready: bool = False,
+    detail_m: float | None = None,
+    seed: int = 0,
     name: str | None = None,
 ) -> Layer:
     """Make the layer of a model's water, or of its ice, for the bands of a scene.
@@ -34,11 +38,18 @@ def column_layer(
     - `extinction_share`: as of `class_layer`.
     - `ready`: find optical depths once, for renders that need no derivatives by
       content and radius.
+    - `detail_m`, `seed`: the shortest wave of fractal detail below the columns, as of
+      `DetailedColumns`, and by which it is drawn; None for no detail.
     - `name`: of the layer; by default the phase.
+
+    **Raises:** `ValueError` for detail that is coarser than the columns.
     """
     low, high = radius_limits_um(cloud.phase)
     radius = min(max(cloud.mean_radius_um(), low), high)
-    source: AbstractColumns = cloud.ready() if ready else cloud
+    columns: AbstractColumns = cloud.ready() if ready else cloud
+    source: AbstractCloudSource = columns
+    if detail_m is not None:
+        source = DetailedColumns.of(columns, detail_m, seed=seed)
     return Layer(
         cloud=source,
         extinction_per_m=jnp.asarray(extinction_share * cloud.extinction_per_m, float),

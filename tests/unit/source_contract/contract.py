@@ -30,7 +30,6 @@ from cloudjax import (
 from cloudjax.clouds.columns import ColumnCloud
 from cloudjax.clouds.detailed_columns import DetailedColumns
 from cloudjax.clouds.kernels import KernelCloud
-from cloudjax.clouds.noise import Gaussian
 from cloudjax.geometry.column_grid import ColumnGrid
 from cloudjax.geometry.geodesy import ecef
 from cloudjax.geometry.map_projections import ConformalConic
@@ -110,7 +109,7 @@ def _columns() -> ColumnCloud:
 
 def _detailed() -> DetailedColumns:
     """Detail from 3 km down to 750 m, of which pixels leave a part."""
-    return DetailedColumns.of(_columns(), Gaussian(), shortest_m=750.0, spread=0.4)
+    return DetailedColumns.of(_columns(), 750.0, spread=0.4)
 
 
 def _kernels() -> KernelCloud:
