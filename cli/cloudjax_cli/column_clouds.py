@@ -1,5 +1,6 @@
 """Options of clouds that stand in columns: of a model, of a retrieval, of particles."""
 
+import functools as ft
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -7,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import refuse
+from .options import Place, refuse
 
 
 if TYPE_CHECKING:
@@ -36,10 +37,6 @@ class ColumnOption:
         """Read the columns, once options that do not apply are refused."""
         own = f"clouds of --{self.name} are {self.whose}"
         refuse(("classes", "decision"), options, own)
-        if options["detail"] is None:
-            refuse(("seed",), options, f"{own}, nothing is drawn without --detail")
-        if options["frames"] > 1:
-            raise click.UsageError(f"--{self.name} gives one image: leave out --frames")
         if self.name != "wrf":
             refuse(("place",), options, "the place of an ideal run is for --wrf")
         return self.read(options[self.name], options)
@@ -67,8 +64,30 @@ def _of_particles(file: str, options: Options):
     return columns, columns.time
 
 
+def column_options(command):
+    """Options of which one says where clouds come from."""
+    every = (
+        click.option(
+            "--wrf",
+            multiple=True,
+            metavar="WRFOUT",
+            help="A weather model's own clouds; again for more files of the run.",
+        ),
+        click.option(
+            "--retrieval",
+            metavar="FOLDER",
+            help="Clouds of a GOES scan, from its COD and ACHA files.",
+        ),
+        click.option(
+            "--particles", metavar="FILE.nc", help="Clouds of cloudjax particles."
+        ),
+        click.option("--place", type=Place(), help="WRF: centre of an ideal run."),
+    )
+    return ft.reduce(lambda c, option: option(c), reversed(every), command)
+
+
 COLUMN_OPTIONS = (
-    ColumnOption("wrf", "the model's own", _of_a_model),
+    ColumnOption("wrf", "a weather model's own", _of_a_model),
     ColumnOption("retrieval", "what the satellite has seen", _retrieved),
     ColumnOption("particles", "those of the file", _of_particles),
 )

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from .column_clouds import column_options
 from .options import (
     Place,
     Time,
@@ -62,20 +63,7 @@ _OF_SENSORS = (
     help="Sensor: a global analysis; again for those of other times.",
 )
 @decision_option
-@click.option(
-    "--wrf",
-    multiple=True,
-    metavar="WRFOUT",
-    help="Sensor: a weather model's own clouds; again for more files of the run.",
-)
-@click.option(
-    "--retrieval",
-    metavar="FOLDER",
-    help="Sensor: clouds of a GOES scan, from its COD and ACHA files.",
-)
-@click.option(
-    "--particles", metavar="FILE.nc", help="Sensor: clouds of cloudjax particles."
-)
+@column_options
 @click.option(
     "--detail",
     type=float,
@@ -83,7 +71,6 @@ _OF_SENSORS = (
     help="Sensor: fractal detail in clouds of a model or a retrieval, down to waves "
     "of so many metres.  [default: none]",
 )
-@click.option("--place", type=Place(), help="Sensor: centre of an ideal WRF run.")
 @click.option("--time", type=Time(), help="Sensor: UTC.  [default: of the clouds]")
 @click.option("--frames", type=click.IntRange(1), default=1, help="Sensor: images.")
 @click.option(

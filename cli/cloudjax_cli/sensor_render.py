@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from .column_clouds import COLUMN_OPTIONS
+from .column_clouds import COLUMN_OPTIONS, ColumnOption
 from .options import refuse
 from .quality_options import AskedQuality
 
@@ -45,6 +45,7 @@ def render_over(
         )
     for option in COLUMN_OPTIONS:
         if option.name in given:
+            _refuse_of_columns(option, options)
             columns = option.columns(options)
             _render_columns(*columns, view, chosen, path, options, quantities)
             return
@@ -52,6 +53,14 @@ def render_over(
     refuse(("detail",), options, "clouds of weather have detail of their own")
     world = _world(options["weather"], options)
     _render_frames(world, view, chosen, path, options, quantities)
+
+
+def _refuse_of_columns(option: ColumnOption, options: Mapping[str, Any]) -> None:
+    if options["frames"] > 1:
+        raise click.UsageError(f"--{option.name} gives one image: leave out --frames")
+    if options["detail"] is None:
+        nothing = f"clouds of --{option.name} are {option.whose}, none is drawn"
+        refuse(("seed",), options, f"{nothing} without --detail")
 
 
 def _require_film(options) -> None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from .column_clouds import COLUMN_OPTIONS, ColumnOption, column_options
 from .options import (
     Place,
     Time,
@@ -12,7 +13,7 @@ from .options import (
     ignore_weather_option,
     refuse,
 )
-from .sensor_render import require_near
+from .sensor_render import CLOUD_OPTIONS, require_near
 
 
 class SunPlace(Place):
@@ -41,19 +42,13 @@ _OF_SCENES = ("parameters", "ignore_weather")
     help="A global analysis; again for those of other times.",
 )
 @decision_option
-@click.option(
-    "--wrf",
-    multiple=True,
-    metavar="WRFOUT",
-    help="A weather model's own clouds; again for more files of the run.",
-)
-@click.option("--place", type=Place(), help="WRF: centre of an ideal run.")
+@column_options
 @click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
 @classes_option
 @click.option("--time", type=Time(), help="UTC.  [default: of the weather]")
 @click.option(
-    "--centre", type=Place(), help="Of the box.  [default: of a SCENE or a WRF run]"
+    "--centre", type=Place(), help="Of the box.  [default: of all but weather]"
 )
 @click.option("--size-km", type=float, default=50.0, help="Of the box, edge to edge.")
 @click.option(
@@ -81,9 +76,9 @@ _OF_SCENES = ("parameters", "ignore_weather")
 def x3d(scene, output, **options) -> None:
     """Write the clouds of a box as X3D, for browsers and globes.
 
-    Clouds come from --weather, from --wrf, or from a SCENE, a folder of imagery, with
-    the --parameters of a fit. Writes scene.x3d, scene_geo.x3d, viewer.html, textures
-    and manifest.json to DIR.
+    Clouds come from --weather, --wrf, --retrieval or --particles, or from a SCENE, a
+    folder of imagery, with the --parameters of a fit. Writes scene.x3d, scene_geo.x3d,
+    viewer.html, textures and manifest.json to DIR.
     """
     from cloudjax_data.whole_files import require_writable
     from cloudjax_scenes.x3d.export import MANIFEST, write_sky
@@ -113,19 +108,17 @@ def x3d(scene, output, **options) -> None:
 
 
 def _sight(scene, options):
-    given = [name for name in ("weather", "wrf") if options[name]]
+    given = [name for name in CLOUD_OPTIONS if options[name]]
     if (scene is not None) + len(given) != 1:
-        raise click.UsageError(
-            "clouds come from --weather, from --wrf or from a SCENE: give one"
-        )
+        every = ", ".join(f"--{name}" for name in CLOUD_OPTIONS)
+        raise click.UsageError(f"clouds come from one of {every} or a SCENE: give one")
     if scene is not None:
         refuse(("time", "place", "decision"), options, f"{scene} is a scene")
         return _of_scene(scene, options)
     refuse(_OF_SCENES, options, f"--{given[0]} is no scene")
-    if options["wrf"]:
-        own = "clouds of --wrf are the model's own"
-        refuse(("classes", "decision"), options, own)
-        return _of_model(options)
+    for option in COLUMN_OPTIONS:
+        if option.name in given:
+            return _of_columns(option, options)
     refuse(("place",), options, "the place of an ideal run is for --wrf")
     return _of_weather(options)
 
@@ -151,17 +144,15 @@ def _of_weather(options):
     return sight_of_weather(world, box, time, options["sun"])
 
 
-def _of_model(options):
-    from cloudjax_data import open_wrf, read_wrf
+def _of_columns(option: ColumnOption, options):
     from cloudjax_scenes.model_scene import ModelWorld
-    from cloudjax_scenes.x3d.sights import box_about, middle_of, sight_of_model
+    from cloudjax_scenes.x3d.sights import box_about, middle_of, sight_of_columns
 
-    frame = open_wrf(options["wrf"]).at(options["time"])
-    columns = read_wrf(frame, options["place"])
+    columns, time = option.columns(options)
     centre = options["centre"] or middle_of(columns.grid)
     box = box_about(centre, options["size_km"])
     world = ModelWorld(columns, **_asked(options, "steps", "shadows"))
-    return sight_of_model(world, box, frame.time, options["sun"])
+    return sight_of_columns(world, box, time, option.whose, options["sun"])
 
 
 def _of_scene(scene, options):

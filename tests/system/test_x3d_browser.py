@@ -22,7 +22,7 @@ from cloudjax_data import open_wrf, read_wrf
 from cloudjax_scenes.model_scene import ModelWorld
 from cloudjax_scenes.x3d.box import Box
 from cloudjax_scenes.x3d.seen_cloud import near_by
-from cloudjax_scenes.x3d.sights import middle_of, sight_of_model
+from cloudjax_scenes.x3d.sights import middle_of, sight_of_columns
 from tests.x3d_files import PLACE, SIZE_KM, write_small_sky
 
 
@@ -106,7 +106,9 @@ def test_the_screen_shows_the_renderer_s_opacity(sky, modules, tmp_path):
     frame = open_wrf(sky.parent / "wrfout").frames[0]
     world = ModelWorld(read_wrf(frame, PLACE), steps=8)
     box = Box(*middle_of(world.columns.grid), SIZE_KM * 1e3)
-    scene = near_by(sight_of_model(world, box, frame.time, (135.0, 40.0)).scene)
+    scene = near_by(
+        sight_of_columns(world, box, frame.time, "a model's own", (135.0, 40.0)).scene
+    )
     document = (sky / "scene.x3d").read_text()
     height = re.search(r'"From above"[^>]*position="\S+ (\S+) \S+"', document)
     assert height is not None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 
-from cloudjax import Rays
+from cloudjax import Rays, look, radiances
 from cloudjax.clouds.columns import ColumnCloud
 from cloudjax.clouds.kernels import KernelCloud
 from cloudjax.geometry.column_grid import ColumnGrid
@@ -17,10 +17,12 @@ from cloudjax.geometry.geodesy import ecef, up
 from cloudjax.geometry.map_projections import LocalPlane
 from cloudjax.geometry.shells import chords
 from cloudjax.light.bulk_extinction import extinction_m2_g
+from cloudjax.light.optics import Particles
+from cloudjax.march.column_layer import kernel_layer
 from cloudjax.particles.cloud_particles import CloudParticles
 from cloudjax.particles.deposit import deposited
 from cloudjax.particles.placement import DepthColumns
-from tests.helpers import sampling
+from tests.helpers import make_scene, reflective_bands, sampling, sun
 
 
 STEPS, COUNT = 32, 40
@@ -200,3 +202,32 @@ def test_deposited_and_exact_kernels_look_alike():
     expected = _depth(KernelCloud.of(PARTICLES.position_m(), AREA, blurred), rays)
     assert np.sqrt(((found - exact) ** 2).mean()) < 0.05 * exact.mean()
     assert np.sqrt(((found - expected) ** 2).mean()) < 0.01 * exact.mean()
+
+
+def test_a_layer_of_kernels_is_seen_and_moves():
+    """The sea is dark beside a kernel; a step to the north brightens its north."""
+    bands = reflective_bands(2)
+    place = PARTICLES.position_m()[:1]
+    one = KernelCloud.of(place, np.array([4e7]), np.array([1000.0]))
+    water = Particles("water", jnp.asarray(10.0))
+    layer = kernel_layer(one, water, sunlit=[2], steps=STEPS)
+    scene = make_scene([layer], bands)
+    rays = _rays(
+        LATITUDE[0] + np.array([0, 0.02, 0.2]),
+        LONGITUDE[0] + np.zeros(3),
+        np.zeros(3),
+        0.0,
+    )
+    view = look(scene, rays, sun(40.0))
+
+    def seen(north_m):
+        moved = one.place_m + jnp.asarray([[0.0, 1.0, 0.0]]) * north_m
+        cloud = dataclasses.replace(one, place_m=moved)
+        own = dataclasses.replace(layer, cloud=cloud)
+        return radiances(dataclasses.replace(scene, layers=(own,)), view).reflective[0]
+
+    found, slope = jax.jvp(seen, (jnp.asarray(0.0),), (jnp.asarray(1.0),))
+    middle, north, beside = np.asarray(found)
+    assert middle > north > 1.5 * beside
+    assert slope[1] > 1e-2
+    assert slope[2] == 0

@@ -57,15 +57,19 @@ def sight_of_weather(
     return _sight_of(world, box, time, sun, kind, [])
 
 
-def sight_of_model(
-    world: ModelWorld, box: Box, time: datetime, sun: SunPlace | None = None
+def sight_of_columns(
+    world: ModelWorld,
+    box: Box,
+    time: datetime,
+    whose: str,
+    sun: SunPlace | None = None,
 ) -> Sight:
-    """Show the clouds of a weather model in a box.
+    """Show clouds in columns in a box.
 
-    **Arguments:** `sun`: in place of that of the time.
+    **Arguments:** `whose`: the clouds are; `sun`: in place of that of the time.
     """
     notes = world.columns.cautions()
-    return _sight_of(world, box, time, sun, "clouds of a weather model", notes)
+    return _sight_of(world, box, time, sun, f"clouds in columns, {whose}", notes)
 
 
 def _sight_of(

@@ -1,4 +1,4 @@
-"""Layers from the columns of a model."""
+"""Layers of clouds that a model or particles give, of known water and ice."""
 
 from collections.abc import Sequence
 
@@ -6,6 +6,7 @@ import jax.numpy as jnp
 
 from cloudjax.clouds.columns import AbstractColumns, ColumnCloud
 from cloudjax.clouds.detailed_columns import DetailedColumns
+from cloudjax.clouds.kernels import KernelCloud
 from cloudjax.clouds.source import AbstractCloudSource
 from cloudjax.light.cloud_optics import ParticleOptics
 from cloudjax.light.optics import Particles, radius_limits_um
@@ -44,21 +45,73 @@ def column_layer(
 
     **Raises:** `ValueError` for detail that is coarser than the columns.
     """
-    low, high = radius_limits_um(cloud.phase)
-    radius = min(max(cloud.mean_radius_um(), low), high)
     columns: AbstractColumns = cloud.ready() if ready else cloud
     source: AbstractCloudSource = columns
     if detail_m is not None:
         source = DetailedColumns.of(columns, detail_m, seed=seed)
+    return _layer(
+        source,
+        cloud.extinction_per_m,
+        Particles(cloud.phase, jnp.asarray(cloud.mean_radius_um(), float)),
+        sunlit=sunlit,
+        thermal=thermal,
+        steps=steps,
+        share=extinction_share,
+        name=cloud.phase if name is None else name,
+    )
+
+
+def kernel_layer(
+    cloud: KernelCloud,
+    particles: Particles,
+    *,
+    sunlit: Sequence[int] = (),
+    thermal: Sequence[int] = (),
+    steps: int = 24,
+    extinction_share: float = 1.0,
+    name: str | None = None,
+) -> Layer:
+    """Make the layer of Gaussian kernels, for the bands of a scene.
+
+    **Arguments:** `particles`: droplets or ice; the others as of `column_layer`.
+    """
+    return _layer(
+        cloud,
+        cloud.extinction_per_m,
+        particles,
+        sunlit=sunlit,
+        thermal=thermal,
+        steps=steps,
+        share=extinction_share,
+        name=particles.phase if name is None else name,
+    )
+
+
+def _layer(
+    source: AbstractCloudSource,
+    extinction_per_m: float,
+    particles: Particles,
+    *,
+    sunlit: Sequence[int],
+    thermal: Sequence[int],
+    steps: int,
+    share: float,
+    name: str,
+) -> Layer:
+    """The layer of a source whose occupancies refer to a physical extinction."""
+    radius = jnp.clip(
+        jnp.asarray(particles.effective_radius_um, float),
+        *radius_limits_um(particles.phase),
+    )
     return Layer(
         cloud=source,
-        extinction_per_m=jnp.asarray(extinction_share * cloud.extinction_per_m, float),
+        extinction_per_m=jnp.asarray(share * extinction_per_m, float),
         optics=ParticleOptics(
-            Particles(cloud.phase, jnp.asarray(radius, float)),
+            Particles(particles.phase, radius),
             sunlit=tuple(sunlit),
             thermal=tuple(thermal),
-            share=extinction_share,
+            share=share,
         ),
-        name=cloud.phase if name is None else name,
+        name=name,
         steps=steps,
     )

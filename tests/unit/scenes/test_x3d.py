@@ -19,7 +19,7 @@ from cloudjax_scenes.x3d.colours import Exposure
 from cloudjax_scenes.x3d.meshes import Tiles, board_meshes
 from cloudjax_scenes.x3d.sections import section_places, share_out
 from cloudjax_scenes.x3d.seen_cloud import SeenCloud, near_by, see_cloud
-from cloudjax_scenes.x3d.sights import middle_of, sight_of_model
+from cloudjax_scenes.x3d.sights import middle_of, sight_of_columns
 from tests.x3d_files import PLACE, SIZE_KM, composite, shapes, write_small_sky
 
 
@@ -38,7 +38,7 @@ def scene(sky):
     frame = open_wrf(sky.parent / "wrfout").frames[0]
     world = ModelWorld(read_wrf(frame, PLACE), steps=8)
     box = Box(*middle_of(world.columns.grid), SIZE_KM * 1e3)
-    sight = sight_of_model(world, box, frame.time, (135.0, 40.0))
+    sight = sight_of_columns(world, box, frame.time, "a model's own", (135.0, 40.0))
     return near_by(sight.scene), box
 
 
