@@ -115,8 +115,8 @@ def _detail(options):
         detail = LevelOfDetail(1e3 * options["near_km"], power)
     except ValueError as error:
         raise DataError(str(error)) from error
-    latitude, longitude, km = options["viewer"]
-    eye = ecef(*(np.array(part) for part in (latitude, longitude, 1e3 * km)))
+    latitude, longitude, km = (np.array(part) for part in options["viewer"])
+    eye = ecef(latitude, longitude, np.array(1e3 * km))
 
     def thinned(found):
         away = np.linalg.norm(found.position_m() - eye, axis=-1)

@@ -43,5 +43,7 @@ def standard_air() -> AirColumn:
 
 def model_air(world: ModelWorld) -> AirColumn:
     """Return the mean air of a weather model."""
+    if world.profiles is None:
+        return standard_air()
     kelvin = np.asarray(world.profiles.temperature_k, float).mean(axis=(0, 1))
     return AirColumn(LEVELS_M, kelvin, "the mean air of the model")

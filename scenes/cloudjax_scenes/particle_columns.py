@@ -74,6 +74,7 @@ class ParticleColumns:
         if when is None:
             raise DataError(f"{path} does not say of which time it is: give --time.")
         held = deposited(particles, columns_about(particles))
+        assert held.ice_share is not None
         parts = ("water", 1 - held.ice_share), ("ice", held.ice_share)
         condensate = tuple(
             _condensate(held, phase, share)

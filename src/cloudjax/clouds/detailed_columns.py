@@ -101,6 +101,7 @@ class DetailedColumns(AbstractCloudSource):
     spread: Float[Array, ""]
     persistence: Float[Array, ""]
     latent: Latent
+    shell: Shell = eqx.field(static=True)
     ladder: Ladder = eqx.field(static=True)
     seed: int = eqx.field(static=True, default=0)
     thickness_m: float = eqx.field(static=True, default=1000.0)
@@ -135,14 +136,10 @@ class DetailedColumns(AbstractCloudSource):
             spread=jnp.asarray(spread, float),
             persistence=jnp.asarray(2 ** (-1 / 3), float),
             latent=Latent.gauss_hermite(nodes),
+            shell=columns.shell,
             ladder=Ladder(noise or Gaussian(), width, shortest_m),
             seed=seed,
         )
-
-    @property
-    def shell(self) -> Shell:
-        """The air that holds all columns."""
-        return self.columns.shell
 
     @property
     def extinction_per_m(self) -> float:
