@@ -5,7 +5,6 @@ what is between them is a third. The line of sight of a pixel goes through the m
 its cloud, halfway between base and top.
 """
 
-import functools as ft
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -93,7 +92,7 @@ class RetrievedColumns:
         """Give the names of the files."""
         return tuple(path.name for path in self.retrieval.paths)
 
-    @ft.cached_property
+    @property
     def ground_m(self) -> Float[np.ndarray, "y x"]:
         """Give the height of the ground, sea level."""
         return np.zeros(self.grid.shape)
