@@ -25,7 +25,7 @@ from .particle_reading import read_particles
 
 # Cells are as wide and as deep as a usual particle's deviation, which blurs it by an
 # eighth; wider where there would be more of them than these.
-_MOST_COLUMNS, _MOST_LEVELS = 1 << 18, 64
+_MOST_COLUMNS, _MOST_LEVELS = 1 << 17, 32
 # About the middles of particles, in deviations.
 _REACH = 3.0
 # Of particles nothing is known but how much of them is ice: the usual radii [µm] of

@@ -356,11 +356,14 @@ def _levels(heights: Float[np.ndarray, "y x ends"], nodes: int):
     columns = heights[..., 0].size * nodes
     most = max(_MOST // columns, 16)
     parts = int(np.clip(np.ceil((top - bottom).max() / _PART_M), 16, most))
-    ends = bottom + (top - bottom) * (np.arange(1, parts + 1) / parts)
-    level = np.empty(ends.shape, np.int32)
-    for k in range(parts):
-        level[..., k] = (heights <= ends[..., k : k + 1]).sum(-1) - 1
-    return np.clip(level, 0, heights.shape[-1] - 2)
+    # Each end of a level counts from the first part on that ends no lower.
+    first = np.ceil((heights - bottom) / (top - bottom) * parts - 1e-6).astype(int) - 1
+    first = np.clip(first, 0, parts).reshape(-1, heights.shape[-1])
+    counts = np.zeros((len(first), parts + 1), np.int16)
+    np.add.at(counts, (np.arange(len(first))[:, None], first), 1)
+    level = counts[:, :parts].cumsum(axis=-1, dtype=np.int32) - 1
+    level = np.clip(level, 0, heights.shape[-1] - 2)
+    return level.reshape(*heights.shape[:2], parts)
 
 
 def _shell(heights: Float[np.ndarray, "ends y x"]) -> Shell:
