@@ -31,7 +31,7 @@ from cloudjax_data import DataError, earth_sun_distance_au
 
 from .lights import Light, light_named
 from .model_columns import CloudColumns
-from .surface import Surface
+from .surface import Surface, wind_at_10_m
 
 
 # Of the map of temperatures; more places than a model's air has structure.
@@ -166,13 +166,20 @@ class ModelWorld:
 
     @ft.cached_property
     def surface(self) -> Surface:
-        """The ground, as warm as the lowest air; beyond the model as at its edge."""
+        """The ground, as warm as the lowest air, in its wind; beyond the model as at
+        its edge.
+        """
         air = self.columns.air
         if air is None:
             return Surface.of()
         nearest = self._nearest
         height = self.columns.ground_m[nearest]
-        return Surface.as_warm_as(air.temperature_k[0][nearest], height, self._places)
+        winds, wind = self.columns.winds_m_s, None
+        if winds is not None:
+            above = (air.heights_m[0] - self.columns.ground_m)[nearest]
+            wind = wind_at_10_m(np.hypot(*winds[:2])[0][nearest], above)
+        kelvin = air.temperature_k[0][nearest]
+        return Surface.as_warm_as(kelvin, height, self._places, wind)
 
     @ft.cached_property
     def profiles(self) -> ProfileGrid | None:

@@ -104,11 +104,13 @@ class Surface(AbstractMappedGround):
         air_k: Float[np.ndarray, "lat lon"],
         height_m: Float[np.ndarray, "lat lon"],
         grid: LatLonGrid,
+        wind_m_s: Float[np.ndarray, "lat lon"] | None = None,
     ) -> "Surface":
-        """Make it as warm as air next to the ground, at heights, at places, in a wind
-        of 6.6 m/s.
+        """Make it as warm as air next to the ground, at heights, at places.
+
+        **Arguments:** `wind_m_s`: at 10 m; by default 6.6 m/s.
         """
-        wind = np.full(grid.shape, MEAN_WIND_M_S)
+        wind = np.full(grid.shape, MEAN_WIND_M_S) if wind_m_s is None else wind_m_s
         return cls(*_land_share(), air_k, height_m, wind, grid)
 
     def look(
@@ -224,12 +226,18 @@ def _read(nodes, grid: LatLonGrid, latitude_deg, longitude_deg):
     return np.asarray(found)[..., 0]
 
 
-def _wind(data) -> Float[np.ndarray, "lat lon"]:
-    """Speed at 10 m: that of the lowest air, by the law of the wall over waves."""
-    above, u, v = _at_ground(data, "u", "v")
-    above = np.maximum(above, _WIND_HEIGHT_M)
+def wind_at_10_m(
+    speed_m_s: Float[np.ndarray, "*n"], above_m: Float[np.ndarray, "*n"]
+) -> Float[np.ndarray, "*n"]:
+    """Return the wind at 10 m by that higher up, by the law of the wall over waves."""
+    above = np.maximum(above_m, _WIND_HEIGHT_M)
     slower = np.log(_WIND_HEIGHT_M / _ROUGHNESS_M) / np.log(above / _ROUGHNESS_M)
-    speed = (np.hypot(u, v) * slower).astype(np.float64)
+    return speed_m_s * slower
+
+
+def _wind(data) -> Float[np.ndarray, "lat lon"]:
+    above, u, v = _at_ground(data, "u", "v")
+    speed = wind_at_10_m(np.hypot(u, v), above).astype(np.float64)
     return np.where(np.isfinite(speed), speed, MEAN_WIND_M_S)
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 from cloudjax import BandRadiances, Scene, look
 from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import Shell, chords
+from cloudjax.light.ground import AbstractGround, GroundSamples, Leaving
 from cloudjax.march.marched_way import march_layers
 from cloudjax.march.radiances import cloud_share, radiances, see_clear
 from cloudjax.march.view import View, tiles
@@ -60,9 +61,24 @@ class SeenCloud:
         return np.bincount(self.ray, self.depth, len(self.opacity)).astype(float)
 
 
+class _Matte(AbstractGround):
+    """Ground without the sun's mirror image, which one viewer sees here, another there,
+    and boards and their ground are for all.
+    """
+
+    ground: AbstractGround
+
+    def look(self, *arguments) -> GroundSamples:
+        return self.ground.look(*arguments)
+
+    def seen(self, samples, reflective, emissive) -> Leaving:
+        return replace(self.ground.seen(samples, reflective, emissive), glint=None)
+
+
 def near_by(scene: Scene) -> Scene:
     """Return a scene without the air above its clouds, as viewers near by see it."""
-    return replace(scene, air=None, emissive=None, emission=None)
+    ground = _Matte(scene.ground)
+    return replace(scene, ground=ground, air=None, emissive=None, emission=None)
 
 
 def see_cloud(

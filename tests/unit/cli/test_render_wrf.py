@@ -107,6 +107,12 @@ def test_the_air_is_the_model_s_up_to_its_top(world):
     assert ground == pytest.approx(columns.temperature_k[0, 2, 3], abs=0.1)
 
 
+def test_the_sea_lies_in_the_model_s_wind(world):
+    """Of 10 and 5 m/s, 500 m up; waves of 0.2 mm, by a logarithm (docs/theory)."""
+    expected = np.hypot(10, 5) * np.log(10 / 2e-4) / np.log(500 / 2e-4)
+    np.testing.assert_allclose(world.surface.wind_m_s, expected, rtol=1e-3)
+
+
 def test_a_scene_has_the_bands_and_the_light_that_are_asked(world):
     from cloudjax import bands_named
 

@@ -42,6 +42,22 @@ def scene(sky):
     return near_by(sight.scene), box
 
 
+def test_boards_do_not_mirror_the_sun(sky):
+    """The sun is where a viewer from above sees it in the sea."""
+    frame = open_wrf(sky.parent / "wrfout").frames[0]
+    world = ModelWorld(read_wrf(frame, PLACE), steps=8)
+    box = Box(*middle_of(world.columns.grid), SIZE_KM * 1e3)
+    sight = sight_of_columns(world, box, frame.time, "a model's own", (0.0, 88.0))
+    rays = _lines(UP.axes, np.zeros((1, 2)), box)
+
+    def glint(scene):
+        ground = look(scene, rays, sight.sun_direction).around.ground
+        return scene.ground.seen(ground, scene.reflective, None).glint
+
+    assert np.asarray(glint(sight.scene)).min() > 0.01
+    assert glint(near_by(sight.scene)) is None
+
+
 def _lines(axes, places, box) -> Rays:
     """Parallel lines of sight of pixels of 600 m, through places in a picture."""
     frame = east_north_up(box.latitude_deg, box.longitude_deg)
