@@ -160,11 +160,11 @@ def test_clouds_stand_nearer_to_the_satellite_than_what_is_behind_them(columns):
 
 def test_layers_stay_apart_and_above_the_ground(columns):
     made = columns("mixed")
-    assert isinstance(made, CloudColumns)
     assert [part.phase for part in made.condensate] == ["water", "ice"]
     assert (np.diff(made.heights_m, axis=0) > 0).all()
     assert made.heights_m.min() >= 0
     assert made.out_of_sight >= 0
+    assert isinstance(made, CloudColumns)
 
 
 def test_thickness_grows_with_optical_depth_within_its_bounds():

@@ -48,10 +48,10 @@ CLOUD = KernelCloud.of(PARTICLES.position_m(), AREA, PARTICLES.deviation_m)
 
 def _rays(latitude, longitude, altitude, zenith_deg) -> Rays:
     """From far above through places, from the south-east."""
-    place = ecef(
-        *(np.atleast_1d(x).astype(float) for x in (latitude, longitude, altitude))
+    latitude, longitude, altitude = (
+        np.atleast_1d(x).astype(float) for x in (latitude, longitude, altitude)
     )
-    vertical = up(*(np.atleast_1d(x).astype(float) for x in (latitude, longitude)))
+    place, vertical = ecef(latitude, longitude, altitude), up(latitude, longitude)
     level = np.cross(vertical, [0.3, -0.8, 0.5])
     level /= np.linalg.norm(level, axis=-1, keepdims=True)
     θ = np.radians(zenith_deg)
@@ -128,11 +128,12 @@ def test_a_way_that_leaves_a_ray_meets_what_a_ray_from_there_meets():
     found = np.asarray(_fraction(CLOUD, left, STEPS), float).sum(-1) * 8e3 / STEPS
     from_above = _rays(LATITUDE, LONGITUDE, ALTITUDE, 0.0)
     whole = CLOUD.navigate(from_above, chords(from_above, CLOUD.shell), sampling())
+    last = _above(from_above, STEPS)
     place = dataclasses.replace(
-        whole, path=dataclasses.replace(whole.path, ends_m=_above(from_above, STEPS))
+        whole, path=dataclasses.replace(whole.path, ends_m=last)
     )
     expected = np.asarray(_fraction(CLOUD, place, STEPS), float)
-    expected = (expected * np.diff(place.path.ends_m)).sum(-1)
+    expected = (expected * np.diff(last)).sum(-1)
     np.testing.assert_allclose(found, expected, rtol=2e-3)
 
 

@@ -68,8 +68,10 @@ class _Matte(AbstractGround):
 
     ground: AbstractGround
 
-    def look(self, *arguments) -> GroundSamples:
-        return self.ground.look(*arguments)
+    def look(
+        self, rays, places, hit, sun_direction, reflective, emissive
+    ) -> GroundSamples:
+        return self.ground.look(rays, places, hit, sun_direction, reflective, emissive)
 
     def seen(self, samples, reflective, emissive) -> Leaving:
         return replace(self.ground.seen(samples, reflective, emissive), glint=None)
