@@ -21,7 +21,7 @@ class Viewer(click.ParamType):
 
 
 @click.command()
-@click.argument("wrf", nargs=-1, required=True, metavar="WRFOUT...")
+@click.argument("sources", nargs=-1, required=True, metavar="WRFOUT...|FOLDER")
 @click.option("-o", "--output", required=True, metavar="OUT.nc|OUT.ply")
 @click.option("-n", "--count", type=int, default=100_000, help="Of particles.")
 @click.option(
@@ -50,34 +50,67 @@ class Viewer(click.ParamType):
     help="Of the distance, by which they get fewer.  [default: 3]",
 )
 @click.option("--seed", type=int, default=0)
-def particles(wrf, output, **options) -> None:
-    """Turn a weather model's clouds into particles.
+def particles(sources, output, **options) -> None:
+    """Turn clouds of a weather model, or of a GOES scan, into particles.
 
-    Several files are those of one run. Frames between its times drift with its winds.
-    Writes OUT.nc (CF) or OUT.ply; of several frames OUT-000.nc and so on.
+    Several wrfout files are those of one run. Frames between its times drift with its
+    winds. A FOLDER has the COD and ACHA files of one scan. Writes OUT.nc (CF) or
+    OUT.ply; of several frames OUT-000.nc and so on.
     """
-    from cloudjax_data import open_wrf
     from cloudjax_data.whole_files import require_plain, require_writable
     from cloudjax_scenes.particle_files import require_particle_file, write_particles
-    from cloudjax_scenes.particle_series import ParticleSeries
 
     require_plain(output)
     path = require_particle_file(output)
     require_writable(path.parent)
-    run = open_wrf(wrf)
-    series = ParticleSeries(
-        run, options["count"], _sampler(options), options["seed"], options["place"]
-    )
     thinned = _detail(options)
-    start = options["time"] or run.times[0]
-    frames = series.frames(start, options["frames"], options["minutes"])
-    sources = ", ".join(Path(file).name for file in wrf)
-    for i, (time, found) in enumerate(frames):
+    named = ", ".join(Path(source).name for source in sources)
+    for i, (time, found) in enumerate(_frames(sources, options)):
         kept = thinned(found)
         file = path if options["frames"] == 1 else _numbered(path, i)
-        write_particles(file, kept, time, {"source_files": sources})
+        write_particles(file, kept, time, {"source_files": named})
         area = kept.extinction_area_m2.sum() / 1e6
         click.echo(f"{file}  {len(kept)} particles, {area:.4g} km2 of optical depth")
+
+
+def _frames(sources, options):
+    """Moments, and the particles that live then."""
+    from cloudjax_data import open_wrf
+    from cloudjax_scenes.particle_series import ParticleSeries
+
+    sampler, count, seed = _sampler(options), options["count"], options["seed"]
+    if any(Path(source).is_dir() for source in sources):
+        return _of_a_scan(sources, sampler, options)
+    run = open_wrf(sources)
+    series = ParticleSeries(run, count, sampler, seed, options["place"])
+    start = options["time"] or run.times[0]
+    return series.frames(start, options["frames"], options["minutes"])
+
+
+def _of_a_scan(folders, sampler, options):
+    from cloudjax.particles.placement import place
+    from cloudjax_data import DataError, read_retrieval
+    from cloudjax_scenes.model_columns import depth_columns
+    from cloudjax_scenes.retrieved_columns import RetrievedColumns
+
+    refuse(("time", "place"), options, f"{folders[0]} is a scan of one time and place")
+    if len(folders) > 1 or options["frames"] > 1:
+        raise click.UsageError(
+            "a scan has one moment: give one folder, and leave out --frames"
+        )
+    columns = RetrievedColumns.of(read_retrieval(folders[0]))
+    try:
+        found = place(
+            depth_columns(columns),
+            options["count"],
+            sampler=sampler,
+            seed=options["seed"],
+        )
+    except ValueError as error:
+        raise DataError(str(error)) from error
+    for caution in columns.cautions():
+        click.echo(caution)
+    return [(columns.time, found)]
 
 
 def _numbered(path: Path, i: int) -> Path:

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
+from cloudjax_data import read_retrieval
+from cloudjax_scenes.model_columns import depth_columns
 from cloudjax_scenes.particle_reading import read_particles
+from cloudjax_scenes.retrieved_columns import RetrievedColumns
 from tests.commands import run, sentence_of
+from tests.generated_retrieval import write_retrieval
 from tests.generated_wrf import COLUMNS, LEVELS, ROWS, write_wrf
 
 
@@ -89,3 +93,26 @@ def test_a_clear_time_and_an_unknown_ending_are_told(folder):
     assert "neither in .nc nor in .ply" in sentence_of(
         _particles(folder, output="p.vtk")
     )
+
+
+def test_a_scan_becomes_particles_of_water_and_ice(tmp_path):
+    """Tops of 10 km are ice, those of 3 km water; areas add up to the columns'."""
+    tops = np.repeat([[10e3, 10e3, 3e3, 3e3]], 4, axis=0)
+    write_retrieval(tmp_path / "scan", np.full((20, 20), 8.0), tops)
+    made = run("particles", tmp_path / "scan", "-n", 300, "-o", tmp_path / "p.nc")
+    assert made.exit_code == 0, made.output
+    found, time = read_particles(tmp_path / "p.nc")
+    columns = RetrievedColumns.of(read_retrieval(tmp_path / "scan"))
+    assert abs(time - columns.time).total_seconds() < 1
+    whole = depth_columns(columns).extinction_area_m2()
+    assert found.extinction_area_m2.sum() == pytest.approx(whole, rel=1e-5)
+    frozen = found.ice_share == 1
+    assert found[frozen].altitude_m.min() > 4e3 > found[~frozen].altitude_m.max()
+    assert 0.3 < frozen.mean() < 0.7
+    for given, said in (
+        (("--frames", 2), "leave out --frames"),
+        (("--time", "2020-01-01"), "leave out --time"),
+        (("-n", 0), "0 particles are none"),
+    ):
+        refused = run("particles", tmp_path / "scan", *given, "-o", tmp_path / "q.nc")
+        assert said in sentence_of(refused)
