@@ -15,6 +15,7 @@ from .quality_options import AskedQuality
 
 # Of which a sensor needs one.
 CLOUD_OPTIONS = ("weather", *(option.name for option in COLUMN_OPTIONS))
+EACH_CLOUD_OPTION = " or ".join(f"--{name}" for name in CLOUD_OPTIONS)
 
 
 def render_over(
@@ -36,13 +37,10 @@ def render_over(
     quantities = chosen_quantities(options["quantities"], chosen)
     _require_film(options)
     given = [name for name in CLOUD_OPTIONS if options[name]]
-    if len(given) != 1:
-        every = ", ".join(f"--{name}" for name in CLOUD_OPTIONS)
-        raise click.UsageError(
-            f"clouds come from one of {every}: give one"
-            if given
-            else f"{sensor} needs clouds: give one of {every}"
-        )
+    if not given:
+        raise click.UsageError(f"{sensor} needs clouds: give {EACH_CLOUD_OPTION}")
+    if len(given) > 1:
+        raise click.UsageError(f"clouds come from {EACH_CLOUD_OPTION}: give one")
     for option in COLUMN_OPTIONS:
         if option.name in given:
             _refuse_of_columns(option, options)

@@ -13,7 +13,7 @@ from .options import (
     ignore_weather_option,
     refuse,
 )
-from .sensor_render import CLOUD_OPTIONS, require_near
+from .sensor_render import CLOUD_OPTIONS, EACH_CLOUD_OPTION, require_near
 
 
 class SunPlace(Place):
@@ -110,8 +110,9 @@ def x3d(scene, output, **options) -> None:
 def _sight(scene, options):
     given = [name for name in CLOUD_OPTIONS if options[name]]
     if (scene is not None) + len(given) != 1:
-        every = ", ".join(f"--{name}" for name in CLOUD_OPTIONS)
-        raise click.UsageError(f"clouds come from one of {every} or a SCENE: give one")
+        raise click.UsageError(
+            f"clouds come from {EACH_CLOUD_OPTION} or a SCENE: give one"
+        )
     if scene is not None:
         refuse(("time", "place", "decision"), options, f"{scene} is a scene")
         return _of_scene(scene, options)
