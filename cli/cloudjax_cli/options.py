@@ -2,6 +2,7 @@
 
 import functools as ft
 from datetime import UTC, datetime
+from pathlib import Path
 
 import click
 
@@ -121,6 +122,11 @@ _FIT_OPTIONS = (
 def fit_options(command):
     """All that `cloudjax_fit.FitSettings` holds, by the same names."""
     return ft.reduce(lambda c, option: option(c), reversed(_FIT_OPTIONS), command)
+
+
+def frame_file(path: Path, i: int, frames: int) -> Path:
+    """Name the file of one of so many frames: OUT-003.nc, or OUT.nc if it is alone."""
+    return path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
 
 
 def refuse(names, options, because: str) -> None:

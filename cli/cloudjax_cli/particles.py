@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import Place, Time, refuse
+from .options import Place, Time, frame_file, refuse
 
 
 class Viewer(click.ParamType):
@@ -67,7 +67,7 @@ def particles(sources, output, **options) -> None:
     named = ", ".join(Path(source).name for source in sources)
     for i, (time, found) in enumerate(_frames(sources, options)):
         kept = thinned(found)
-        file = path if options["frames"] == 1 else _numbered(path, i)
+        file = frame_file(path, i, options["frames"])
         write_particles(file, kept, time, {"source_files": named})
         area = kept.extinction_area_m2.sum() / 1e6
         click.echo(f"{file}  {len(kept)} particles, {area:.4g} km2 of optical depth")
@@ -111,10 +111,6 @@ def _of_a_scan(folders, sampler, options):
     for caution in columns.cautions():
         click.echo(caution)
     return [(columns.time, found)]
-
-
-def _numbered(path: Path, i: int) -> Path:
-    return path.with_stem(f"{path.stem}-{i:03d}")
 
 
 def _sampler(options):

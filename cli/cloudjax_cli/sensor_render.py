@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from .column_clouds import COLUMN_OPTIONS, ColumnOption
-from .options import refuse
+from .options import frame_file, refuse
 from .quality_options import AskedQuality
 
 
@@ -133,7 +133,7 @@ def _render_frames(world, view, chosen, path, options, quantities) -> None:
     world, choice = _with_quality(world, view, chosen, start, options)
     film = []
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
-        file = path if frames == 1 else path.with_stem(f"{path.stem}-{i:03d}")
+        file = frame_file(path, i, frames)
         with tile_progress(file.name) as on_tile:
             images = render_strips(world, view, chosen, time, air, on_tile=on_tile)
             film.append(write_strips(file, images, world, quantities))

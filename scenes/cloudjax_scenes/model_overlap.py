@@ -45,7 +45,7 @@ def overlap_of(grid: FixedGrid, columns: WrfColumns) -> Overlap | None:
         return None
     over = np.logical_and.reduce(
         [
-            _held(columns.grid, latitude, longitude) & hit
+            columns.grid.holds(latitude, longitude) & hit
             for latitude, longitude, hit in (
                 places_at(box, altitude_m) for altitude_m in (0.0, cloud_top_m(columns))
             )
@@ -87,15 +87,6 @@ def places_of(
     return places[0].ravel(), places[1].ravel()
 
 
-def _held(grid: ColumnGrid, latitude_deg, longitude_deg):
-    """Whether there are columns at places."""
-    index = grid.index(latitude_deg, longitude_deg)
-    within = [
-        (i >= -0.5) & (i <= n - 0.5) for i, n in zip(index, grid.shape, strict=True)
-    ]
-    return within[0] & within[1]
-
-
 def _between(grid: FixedGrid, x_rad, y_rad) -> FixedGrid:
     """The pixels within the least and the greatest scan angles, which may be none."""
     within = [
@@ -106,7 +97,7 @@ def _between(grid: FixedGrid, x_rad, y_rad) -> FixedGrid:
 
 
 def _share_of_image(grid: FixedGrid, columns: ColumnGrid) -> float:
-    held = _held(columns, *scene_places(grid))
+    held = columns.holds(*scene_places(grid))
     return float(held.mean()) if held.size else 0.0
 
 

@@ -26,6 +26,7 @@ from cloudjax import (
 from cloudjax.air.atmosphere import temperature_k
 from cloudjax.air.gases import LEVELS_M, standard_humidity
 from cloudjax.clouds.columns import ColumnCloud
+from cloudjax.clouds.detailed_columns import width_for_detail_m
 from cloudjax.march.column_layer import column_layer
 from cloudjax_data import DataError, earth_sun_distance_au
 
@@ -72,13 +73,11 @@ class ModelWorld:
             raise DataError(f"steps = {self.steps} is none: make it 1 or more.")
         # For its errors.
         self.strategy.shadows(self.shadows)
-        width = max(map(abs, self.columns.grid.spacing_m))
-        if self.detail_m is not None and not 1 <= self.detail_m <= width:
-            raise DataError(
-                f"Detail down to {self.detail_m:g} m is none of the columns of "
-                f"{', '.join(self.sources)}, which are {width:g} m wide: make it finer "
-                "than they are, and 1 m or more."
-            )
+        if self.detail_m is not None:
+            try:
+                width_for_detail_m(self.columns.grid, self.detail_m)
+            except ValueError as error:
+                raise DataError(f"{', '.join(self.sources)}: {error}") from error
 
     @property
     def strategy(self) -> Light:

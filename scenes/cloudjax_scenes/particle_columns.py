@@ -19,6 +19,7 @@ from cloudjax.particles.placement import DepthColumns
 from cloudjax_data import DataError
 from cloudjax_data.condensate import Condensate
 
+from .cloud_thickness import ICE, WATER, CloudKind
 from .particle_files import local_position_m
 from .particle_reading import read_particles
 
@@ -28,10 +29,6 @@ from .particle_reading import read_particles
 _MOST_COLUMNS, _MOST_LEVELS = 1 << 17, 32
 # About the middles of particles, in deviations.
 _REACH = 3.0
-# Of particles nothing is known but how much of them is ice: the usual radii [µm] of
-# the International Satellite Cloud Climatology Project (Rossow & Schiffer 1999, Bull.
-# Amer. Meteor. Soc. 80, 2261).
-_RADIUS_UM = {"water": 10.0, "ice": 30.0}
 _LEAST_DEPTH = 1e-12
 
 
@@ -75,10 +72,10 @@ class ParticleColumns:
             raise DataError(f"{path} does not say of which time it is: give --time.")
         held = deposited(particles, columns_about(particles))
         assert held.ice_share is not None
-        parts = ("water", 1 - held.ice_share), ("ice", held.ice_share)
+        parts = (WATER, 1 - held.ice_share), (ICE, held.ice_share)
         condensate = tuple(
-            _condensate(held, phase, share)
-            for phase, share in parts
+            _condensate(held, kind, share)
+            for kind, share in parts
             if (held.depth * share).max() > _LEAST_DEPTH
         )
         if not condensate:
@@ -103,8 +100,9 @@ class ParticleColumns:
     def cautions(self) -> list[str]:
         """Say what particles do not tell."""
         return [
-            "Particles know no radius: droplets have 10 um here, and ice 30 um; the "
-            "air is the US standard atmosphere."
+            "Particles know no radius: droplets have "
+            f"{WATER.effective_radius_um:g} um here, and ice "
+            f"{ICE.effective_radius_um:g} um; the air is the US standard atmosphere."
         ]
 
 
@@ -127,8 +125,9 @@ def columns_about(particles: CloudParticles) -> DepthColumns:
     return DepthColumns(grid, heights, np.zeros((levels, *grid.shape)))
 
 
-def _condensate(held: DepthColumns, phase: str, share) -> Condensate:
-    radius = _RADIUS_UM[phase]
-    per_gram = float(extinction_m2_g(phase, jnp.asarray(radius, float)))
+def _condensate(held: DepthColumns, kind: CloudKind, share) -> Condensate:
+    """Water or ice of its usual radius: particles know none."""
+    radius = kind.effective_radius_um
+    per_gram = float(extinction_m2_g(kind.phase, jnp.asarray(radius, float)))
     per_m = held.depth * share / np.diff(held.heights_m, axis=0)
-    return Condensate(phase, per_m / per_gram, np.full_like(per_m, radius))
+    return Condensate(kind.phase, per_m / per_gram, np.full_like(per_m, radius))

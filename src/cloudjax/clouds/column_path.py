@@ -83,11 +83,7 @@ class ColumnSamples(eqx.Module):
 
 def step_ends_m(path: Path, steps: int) -> Float[Array, "rays 2 {steps}"]:
     """Return the altitudes [m] between which each step lies, some metres apart."""
-    ends = path.ends_m
-    if ends is None:
-        parts = jnp.arange(steps + 1, dtype=path.length_m.dtype) / steps
-        ends = path.length_m[:, None] * parts[None]
-    altitude = path.altitude_m(ends)
+    altitude = path.altitude_m(path.step_ends_m(steps))
     before, after = altitude[:, :-1], altitude[:, 1:]
     middle, half = (before + after) / 2, jnp.abs(after - before) / 2
     half = jnp.maximum(half, LEAST_RISE_M / 2)

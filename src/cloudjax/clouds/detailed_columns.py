@@ -16,6 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from cloudjax.geometry.column_grid import ColumnGrid
 from cloudjax.geometry.footprint import Sampling
 from cloudjax.geometry.path import Path, Profile
 from cloudjax.geometry.rays import Rays
@@ -47,6 +48,21 @@ def usual_spread(width_m: float) -> float:
     """
     fractional = _FRACTIONAL * (min(width_m, _WIDTH_M) / _WIDTH_M) ** (1 / 3)
     return math.sqrt(math.log1p(fractional**2))
+
+
+def width_for_detail_m(grid: ColumnGrid, shortest_m: float) -> float:
+    """Return the width of columns, which waves of detail are no longer than.
+
+    **Raises:** `ValueError` where the columns are narrower than the shortest wave.
+    """
+    width = float(max(abs(d) for d in grid.spacing_m))
+    # Written so that NaN fails.
+    if not 1 <= shortest_m <= width:
+        raise ValueError(
+            f"Detail down to {shortest_m:g} m is none of the columns, "
+            f"{width:g} m wide: make it 1 m or more, and finer than they are."
+        )
+    return width
 
 
 class DetailedPath(eqx.Module):
@@ -124,12 +140,7 @@ class DetailedColumns(AbstractCloudSource):
 
         **Raises:** `ValueError` where the columns are narrower than that wavelength.
         """
-        width = float(max(abs(d) for d in columns.grid.spacing_m))
-        if not 1 <= shortest_m <= width:
-            raise ValueError(
-                f"Detail down to {shortest_m:g} m is none of columns {width:g} m wide: "
-                "make it 1 m or more, and finer than they are."
-            )
+        width = width_for_detail_m(columns.grid, shortest_m)
         spread = usual_spread(width) if spread is None else spread
         return cls(
             columns=columns,

@@ -56,13 +56,6 @@ class KernelSamples(eqx.Module):
         del at
         return KernelSamples(path, self.entry_m, self.ahead, slopes=False)
 
-    def ends_m(self, steps: int) -> Float[Array, "rays ends"]:
-        """Return the distances [m] at which the steps begin and end."""
-        if self.path.ends_m is not None:
-            return self.path.ends_m
-        parts = jnp.arange(steps + 1, dtype=self.path.length_m.dtype) / steps
-        return self.path.length_m[:, None] * parts[None]
-
 
 class KernelCloud(AbstractCloudSource):
     """Blobs of cloud, of which each is a Gaussian; make it with `KernelCloud.of`.
@@ -172,7 +165,7 @@ class KernelCloud(AbstractCloudSource):
 
     def occupancy(self, samples: KernelSamples, steps: int) -> Occupancy:
         """Find the optical depth of each step, exactly, for its cloud."""
-        ends = samples.ends_m(steps)
+        ends = samples.path.step_ends_m(steps)
         depth = self._summed(
             ft.partial(_depth_of, samples.entry_m, samples.ahead, ends),
             jnp.zeros((len(ends), steps), ends.dtype),

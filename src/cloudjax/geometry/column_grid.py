@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .geodesy import GRS80, Ellipsoid, ecef
 from .map_projections import AbstractMapProjection
@@ -35,6 +35,20 @@ class ColumnGrid:
         x, y = self.projection.project(latitude_deg, longitude_deg)
         (x0, y0), (dx, dy) = self.first_m, self.spacing_m
         return (y - y0) / dy, (x - x0) / dx
+
+    def holds(
+        self,
+        latitude_deg: Float[np.ndarray, "*n"],
+        longitude_deg: Float[np.ndarray, "*n"],
+    ) -> Bool[np.ndarray, "*n"]:
+        """Tell which places are over one of the columns."""
+        row, column = (
+            (index >= -0.5) & (index <= size - 0.5)
+            for index, size in zip(
+                self.index(latitude_deg, longitude_deg), self.shape, strict=True
+            )
+        )
+        return row & column
 
     def places(
         self, row: Float[np.ndarray, "*n"], column: Float[np.ndarray, "*n"]

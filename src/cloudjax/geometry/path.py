@@ -45,6 +45,13 @@ class Path(eqx.Module):
         fraction = (jnp.arange(steps, dtype=self.length_m.dtype) + 0.5) / steps
         return self.length_m[:, None] * fraction[None, :]
 
+    def step_ends_m(self, steps: int) -> Float[Array, "rays ends"]:
+        """Return the distances [m] from the entry at which the steps begin and end."""
+        if self.ends_m is not None:
+            return self.ends_m
+        parts = jnp.arange(steps + 1, dtype=self.length_m.dtype) / steps
+        return self.length_m[:, None] * parts[None]
+
     def altitude_m(
         self, distance_m: Float[Array, "rays steps"]
     ) -> Float[Array, "rays steps"]:

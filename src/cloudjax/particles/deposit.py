@@ -10,10 +10,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.special import ndtr
-
-from cloudjax.geometry.column_grid import ColumnGrid
 
 from .cloud_particles import CloudParticles, PerParticle
 from .placement import DepthColumns
@@ -38,7 +36,7 @@ def deposited(particles: CloudParticles, columns: DepthColumns) -> DepthColumns:
     grid, levels = columns.grid, len(columns.heights_m) - 1
     # Of water, and of ice.
     found = np.zeros((2, levels, grid.shape[0] * grid.shape[1]))
-    held = particles[_over(grid, particles)]
+    held = particles[grid.holds(particles.latitude_deg, particles.longitude_deg)]
     for some, far in _alike(held, min(map(abs, grid.spacing_m)), levels):
         cell, share = _shares(some, columns, far)
         parts = some.extinction_area_m2 * np.stack([1 - some.ice_share, some.ice_share])
@@ -49,14 +47,6 @@ def deposited(particles: CloudParticles, columns: DepthColumns) -> DepthColumns:
     depth = water + ice
     share = ice / np.where(depth > 0, depth, 1)
     return replace(columns, depth=depth, ice_share=share, velocity_m_s=None)
-
-
-def _over(grid: ColumnGrid, particles: CloudParticles) -> Bool[np.ndarray, " n"]:
-    index = grid.index(particles.latitude_deg, particles.longitude_deg)
-    row, column = (
-        (x >= -0.5) & (x < n - 0.5) for x, n in zip(index, grid.shape, strict=True)
-    )
-    return row & column
 
 
 def _alike(

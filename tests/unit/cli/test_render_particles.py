@@ -24,20 +24,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def asked(monkeypatch):
-    """The world, bands and time that were to be rendered."""
-    found = []
-
-    def render_strips(world, sensor, bands, time, winds=None, **options):
-        found.append((world, bands, time))
-        return []
-
-    monkeypatch.setattr("cloudjax_scenes.image_strips.render_strips", render_strips)
-    monkeypatch.setattr("cloudjax_scenes.image_strips.write_strips", lambda *_: None)
-    return found
-
-
 def _render(folder, *options):
     return run("render", *SENSOR, "-o", folder / "out.nc", *options)
 

@@ -21,20 +21,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def asked(monkeypatch):
-    """The world and the time that were to be rendered."""
-    found = []
-
-    def render_strips(world, sensor, bands, time, winds=None, **options):
-        found.append((world, time))
-        return []
-
-    monkeypatch.setattr("cloudjax_scenes.image_strips.render_strips", render_strips)
-    monkeypatch.setattr("cloudjax_scenes.image_strips.write_strips", lambda *_: None)
-    return found
-
-
 def _render(folder, name, *options):
     of = "--retrieval", folder / name
     return run("render", *SENSOR, *of, "-o", folder / "out.nc", *options)
@@ -45,7 +31,7 @@ def test_the_clouds_of_the_scan_reach_the_renderer(folder, asked, time):
     given = ("--steps", 7, *(("--time", time) if time else ()))
     result = _render(folder, "scan", *given)
     assert result.exit_code == 0, (result.output, result.exception)
-    ((world, moment),) = asked
+    ((world, _, moment),) = asked
     assert moment.hour == (18 if time else START.hour)
     assert world.steps == 7
     assert list(world.classes) == ["water", "ice"]

@@ -26,20 +26,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def asked(monkeypatch):
-    """The world and the time that were to be rendered."""
-    found = []
-
-    def render_strips(world, sensor, bands, time, winds=None, **options):
-        found.append((world, time))
-        return []
-
-    monkeypatch.setattr("cloudjax_scenes.image_strips.render_strips", render_strips)
-    monkeypatch.setattr("cloudjax_scenes.image_strips.write_strips", lambda *_: None)
-    return found
-
-
 def _render(folder, name, *options):
     wrf = "--wrf", folder / name
     return run("render", *SENSOR, *wrf, "-o", folder / "out.nc", *options)
@@ -49,7 +35,7 @@ def test_the_model_s_clouds_reach_the_renderer(folder, asked):
     given = "--time", "2005-08-28T18:00", "--steps", 7, "--shadows", 3
     result = _render(folder, "wrfout", "--place", "20,-80", *given)
     assert result.exit_code == 0, (result.output, result.exception)
-    ((world, time),) = asked
+    ((world, _, time),) = asked
     assert time.hour == 18
     assert (world.steps, world.shadows, world.light) == (7, 3, "physical")
     assert list(world.classes) == ["water", "ice"]
