@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 
 from cloudjax_fit.fit_inputs import FitInputs
-from cloudjax_fit.fitting import FitResult, FitSettings
+from cloudjax_fit.fit_result import FitResult
+from cloudjax_fit.fit_settings import FitSettings
 from cloudjax_fit.histogram import distances
 from cloudjax_fit.uncertainty import Estimate
 from cloudjax_scenes.simulated_image import SimulatedImage

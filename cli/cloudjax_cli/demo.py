@@ -18,7 +18,7 @@ def demo(output, **options) -> int:
     """
     from cloudjax_data.whole_files import require_writable
     from cloudjax_fit.embedded import embedded_target
-    from cloudjax_fit.fitting import FitSettings
+    from cloudjax_fit.fit_settings import FitSettings
     from cloudjax_fit.settings import Settings, with_options
     from cloudjax_scenes.lights import PAPER
 

@@ -17,7 +17,23 @@ from .options import (
 from .runners import Here
 
 
-@click.command()
+class _TestsOfAJointFit(click.Command):
+    """Lets one --test have several scenes: all up to the next option."""
+
+    def parse_args(self, ctx, args):
+        found, testing = [], False
+        for arg in args:
+            if arg == "--test":
+                testing = True
+            elif arg.startswith("-"):
+                testing = False
+                found.append(arg)
+            else:
+                found += ["--test", arg] if testing else [arg]
+        return super().parse_args(ctx, found)
+
+
+@click.command(cls=_TestsOfAJointFit)
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @bands_option
 @click.option("-o", "--output", required=True, metavar="DIR", help="For the results.")
@@ -27,7 +43,22 @@ from .runners import Here
 @weather_mask_option
 @dask_option
 @resume_option
-def fit(scenes, output, runner, **chosen) -> int:
+@click.option(
+    "--joint",
+    is_flag=True,
+    help="Fit the scenes together: clouds in common, air and calibration of each.",
+)
+@click.option(
+    "--shared", metavar="TOML", help="Joint fit: which parameters are in common."
+)
+@click.option(
+    "--test",
+    "tests",
+    multiple=True,
+    metavar="SCENE...",
+    help="Joint fit: scenes that are not fitted, but seen with what is in common.",
+)
+def fit(scenes, output, runner, joint, shared, tests, **chosen) -> int:
     """Fit the clouds of a scene to its radiances.
 
     Writes fit.json, parameters.toml, simulated.nc and report.html to DIR; of several
@@ -40,6 +71,11 @@ def fit(scenes, output, runner, **chosen) -> int:
     from .scene_tasks import EXIT_CODES
 
     require_writable(output)
+    if joint:
+        return _fit_together(scenes, tests, output, runner, shared, chosen)
+    if shared or tests:
+        option = "--shared" if shared else "--test"
+        raise click.UsageError(f"{option} is of joint fits: add --joint")
     tasks = _tasks(scenes, output, runner, chosen)
     if len(tasks) > 1 or runner:
         return run_scenes(tasks, runner or Here(), Path(output), "Fits of scenes")
@@ -49,6 +85,22 @@ def fit(scenes, output, runner, **chosen) -> int:
     if outcome.kept:
         click.echo(f"{outcome.name} {outcome.state} in an earlier run: {task.folder}")
     return EXIT_CODES[outcome.state]
+
+
+def _fit_together(scenes, tests, output, runner, shared, chosen) -> int:
+    from cloudjax_fit.sharing import read_sharing
+
+    if runner is not None:
+        raise click.UsageError("a joint fit is one task: leave out --dask")
+    if len(scenes) + len(tests) < 2:
+        raise click.UsageError("a joint fit needs several scenes: leave out --joint")
+    sharing = read_sharing(shared)
+    tasks = _tasks((*scenes, *tests), output, None, chosen)
+    fits, others = tasks[: len(scenes)], tasks[len(scenes) :]
+
+    from .joint_scenes import JointScenes
+
+    return JointScenes(fits, others, Path(output), sharing, chosen["resume"])()
 
 
 def _tasks(scenes, output, runner, chosen) -> list:

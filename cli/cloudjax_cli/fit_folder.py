@@ -10,7 +10,9 @@ from cloudjax import CloudClass
 from cloudjax_data.output_lock import alone
 from cloudjax_fit.checkpoint import Checkpoint
 from cloudjax_fit.fit_files import REPORT, Images, cloud_fractions, write_fit
-from cloudjax_fit.fitting import FitResult, FitSettings, fit
+from cloudjax_fit.fit_result import FitResult
+from cloudjax_fit.fit_settings import FitSettings
+from cloudjax_fit.fitting import fit
 from cloudjax_fit.targets import Target
 from cloudjax_scenes.weather_analysis import Analysis
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from cloudjax_data.output_lock import alone
-from cloudjax_fit.fitting import INTERRUPTED, NOT_CONVERGED
+from cloudjax_fit.fit_result import INTERRUPTED, NOT_CONVERGED
 from cloudjax_fit.outcome import FAILED, GOOD, NOT_DONE, Outcome
 from cloudjax_fit.scene_summary import write_summary
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,6 +11,10 @@ from cloudjax_fit.outcome import Outcome
 
 from .progress import fit_progress, no_progress
 from .scene_tasks import scene_name
+
+
+if TYPE_CHECKING:
+    from cloudjax_fit.fit_inputs import FitInputs
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ class SceneFit:
         from cloudjax_fit.checkpoint import checkpoint_in
         from cloudjax_fit.outcome import outcome_of_fit
 
-        asked = self._asked()
+        asked = self.asked()
         done = whole_fit(self.folder, asked) if self.resume else None
         if done is not None:
             # Of a process that was killed once all was written.
@@ -73,7 +77,8 @@ class SceneFit:
             return outcome_of_fit(self.name, done, page=self.page, kept=True)
         return outcome_of_fit(self.name, self._fit(asked), page=self.page)
 
-    def _asked(self) -> str:
+    def asked(self) -> str:
+        """Return a digest of what is to be done."""
         from cloudjax_data import open_folder
         from cloudjax_fit.asked import asked_of
         from cloudjax_fit.fit_inputs import folder_settings
@@ -88,13 +93,14 @@ class SceneFit:
         }
         return asked_of(folder, settings, options, [self.classes])
 
-    def _fit(self, asked: str) -> dict[str, Any]:
-        from cloudjax_fit.checkpoint import checkpoint_in
+    def inputs(self) -> "FitInputs":
+        """Read all that the fit needs.
+
+        **Raises:** `DataError` as `read_inputs`.
+        """
         from cloudjax_fit.fit_inputs import read_inputs
 
-        from .fit_folder import fit_and_write
-
-        inputs = read_inputs(
+        return read_inputs(
             self.scene,
             bands=self.bands,
             options=self.options,
@@ -102,6 +108,13 @@ class SceneFit:
             ignore_weather=self.ignore_weather,
             weather_mask=self.weather_mask,
         )
+
+    def _fit(self, asked: str) -> dict[str, Any]:
+        from cloudjax_fit.checkpoint import checkpoint_in
+
+        from .fit_folder import fit_and_write
+
+        inputs = self.inputs()
         return fit_and_write(
             inputs.target,
             Path(self.folder),

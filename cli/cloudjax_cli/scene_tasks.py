@@ -8,8 +8,8 @@ from typing import Protocol, runtime_checkable
 
 import click
 
-from cloudjax_fit.fitting import CONVERGED, INTERRUPTED, NOT_CONVERGED
-from cloudjax_fit.outcome import FAILED, FAULT, NOT_DONE, RENDERED, Outcome
+from cloudjax_fit.fit_result import CONVERGED, INTERRUPTED, NOT_CONVERGED
+from cloudjax_fit.outcome import FAILED, FAULT, NOT_DONE, RENDERED, TESTED, Outcome
 
 from . import errors
 
@@ -17,6 +17,7 @@ from . import errors
 EXIT_CODES = {
     CONVERGED: 0,
     RENDERED: 0,
+    TESTED: 0,
     NOT_CONVERGED: 1,
     FAILED: errors.BAD_INPUT,
     FAULT: errors.FAULT,

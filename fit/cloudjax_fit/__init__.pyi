@@ -3,8 +3,8 @@ from .embedded import embedded_target as embedded_target
 from .fit_files import write_fit as write_fit
 from .fit_inputs import FitInputs as FitInputs
 from .fit_inputs import read_inputs as read_inputs
-from .fitting import FitResult as FitResult
-from .fitting import FitSettings as FitSettings
+from .fit_result import FitResult as FitResult
+from .fit_settings import FitSettings as FitSettings
 from .fitting import fit as fit
 from .histogram import Distances as Distances
 from .histogram import Quantiles as Quantiles

@@ -12,7 +12,7 @@ import cloudjax
 from cloudjax_data import SceneFolder
 
 from .fit_files import FILES, NUMBERS
-from .fitting import CONVERGED, NOT_CONVERGED
+from .fit_result import CONVERGED, NOT_CONVERGED
 from .settings import Settings
 
 

@@ -23,7 +23,7 @@ from cloudjax_scenes.quality import Quality
 
 from .cautions import missing_share
 from .condensate import OBSERVED_WATER, Condensate
-from .fitting import FitResult
+from .fit_result import FitResult
 from .histogram import Distances
 from .parameter_file import parameters_text
 from .parameters import Parameter
@@ -129,7 +129,7 @@ def fit_numbers(
 ) -> dict[str, Any]:
     """The content of `fit.json`; None stands for what is not finite."""
     textures = textures or {}
-    return _plain(
+    return plain(
         {
             "scene": _scene(result),
             "status": result.state,
@@ -146,7 +146,7 @@ def fit_numbers(
                 for n in result.target.quantiles
             },
             "parameters": {
-                e.parameter.name: _estimate_numbers(e) for e in result.estimates
+                e.parameter.name: estimate_numbers(e) for e in result.estimates
             },
             "held": {p.name: p.default for p in result.held},
             "undetermined": result.undetermined,
@@ -232,7 +232,7 @@ def fit_report(
             for n in result.target.quantiles
         ],
         clouds=condensate(result),
-        parameters=[_row(estimate) for estimate in result.estimates],
+        parameters=[parameter_row(estimate) for estimate in result.estimates],
         undetermined=result.undetermined,
         warnings=result.warnings,
         history=result.history,
@@ -257,7 +257,7 @@ def _scene(result: FitResult) -> dict[str, Any]:
 
 
 def _missing(result: FitResult) -> float:
-    return missing_share(result.target, np.isfinite(result.image.radiance[0]))
+    return missing_share(result.target, result.image.on_earth)
 
 
 def _band_numbers(
@@ -270,12 +270,13 @@ def _band_numbers(
         "wavelength_um": band.wavelength_um,
         "n_pixels": fitted.n_observed,
         "std_observed": fitted.std_observed,
-        **_distance_numbers(start, "start"),
-        **_distance_numbers(fitted, "fit"),
+        **distance_numbers(start, "start"),
+        **distance_numbers(fitted, "fit"),
     } | ({"texture": textures.numbers()} if textures else {})
 
 
-def _distance_numbers(distances: Distances, when: str) -> dict[str, float]:
+def distance_numbers(distances: Distances, when: str) -> dict[str, float]:
+    """Return distances under names that end with when they are of."""
     return {
         f"w1_{when}": distances.w1,
         f"w1_{when}_over_std": distances.w1_over_std,
@@ -284,7 +285,8 @@ def _distance_numbers(distances: Distances, when: str) -> dict[str, float]:
     }
 
 
-def _estimate_numbers(estimate: Estimate) -> dict[str, Any]:
+def estimate_numbers(estimate: Estimate) -> dict[str, Any]:
+    """Return all that is known of a fitted parameter."""
     parameter = estimate.parameter
     return {
         "value": estimate.value,
@@ -359,7 +361,8 @@ def _pixels(result: FitResult, image, number: int) -> WeightedPixels:
     return WeightedPixels(image.band(number)[counted], image.cloud[counted])
 
 
-def _row(estimate: Estimate) -> ParameterRow:
+def parameter_row(estimate: Estimate) -> ParameterRow:
+    """Return a fitted parameter as reports show it."""
     parameter = estimate.parameter
     return ParameterRow(
         name=parameter.name,
@@ -386,12 +389,12 @@ def _time(result: FitResult) -> str:
     return f"{result.target.imagery.time.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def _plain(value: Any) -> Any:
-    """Numbers as JSON knows them."""
+def plain(value: Any) -> Any:
+    """Return numbers as JSON knows them, None for what is not finite."""
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

@@ -4,8 +4,10 @@ Of the residuals tried for radiances, differences of cumulative histograms alone
 Levenberg-Marquardt find the parameters from every start (docs/decisions.md).
 """
 
-from collections.abc import Sequence
+import abc
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -34,8 +36,27 @@ BLOCK_FLOOR = 0.03
 BLOCK_ENOUGH = 0.5
 
 
-class Problem(eqx.Module):
-    """Everything that stays as it is during a fit.
+class AbstractProblem(eqx.Module):
+    """What a solver makes small, of one scene or of several.
+
+    **Fields:** `parameters`: that are fitted.
+    """
+
+    parameters: eqx.AbstractVar[Parameters]
+
+    @abc.abstractmethod
+    def compare(
+        self, values: Float[Array, " parameters"]
+    ) -> tuple[Float[Array, " residuals"], Any]:
+        """Return all residuals but those of the priors, and the sums behind them."""
+
+    @abc.abstractmethod
+    def scenes(self, sums: Any) -> Iterator[tuple["Problem", list]]:
+        """Yield the problem and the sums of each scene, in the order of residuals."""
+
+
+class Problem(AbstractProblem):
+    """Everything that stays as it is during the fit of a scene.
 
     **Fields:**
 
@@ -62,6 +83,23 @@ class Problem(eqx.Module):
     block_weight: Float[Array, " blocks"]
     parameters: Parameters
     rule: CloudRule = eqx.field(static=True)
+
+    def compare(
+        self, values: Float[Array, " parameters"]
+    ) -> tuple[Float[Array, " residuals"], list[Float[Array, "blocks _ _"]]]:
+        """See `AbstractProblem`: of all statistics, and of the cover of each block."""
+        seen, weights = simulate(self, values)
+        blocks = len(self.block_rays)
+        sums = self.statistics.sums(self.pixels(seen, weights), blocks)
+        found = [
+            one.residuals(some)
+            for one, some in zip(self.statistics.all, sums, strict=True)
+        ]
+        return jnp.concatenate([*found, _places(sums[-1][:, 0], self)]), sums
+
+    def scenes(self, sums: list) -> Iterator[tuple["Problem", list]]:
+        """See `AbstractProblem`."""
+        yield self, sums
 
     def pixels(self, seen: Float[Array, "bands rays"], weights) -> Pixels:
         """Return the rays as pixels."""
@@ -128,26 +166,18 @@ def _with_jacobian(
 
 
 def residuals(
-    z: Float[Array, " parameters"], problem: Problem
+    z: Float[Array, " parameters"], problem: AbstractProblem
 ) -> Float[Array, " residuals"]:
-    """Of all statistics, of the coverage block by block, and of the priors."""
+    """Of all that is compared, and of the priors."""
     return residuals_and_sums(z, problem)[0]
 
 
 def residuals_and_sums(
-    z: Float[Array, " parameters"], problem: Problem
-) -> tuple[Float[Array, " residuals"], list[Float[Array, "blocks _ _"]]]:
+    z: Float[Array, " parameters"], problem: AbstractProblem
+) -> tuple[Float[Array, " residuals"], Any]:
     """Also return the sums that the statistics are found from."""
-    seen, weights = simulate(problem, problem.parameters.values(z))
-    blocks = len(problem.block_rays)
-    sums = problem.statistics.sums(problem.pixels(seen, weights), blocks)
-    found = [
-        one.residuals(some)
-        for one, some in zip(problem.statistics.all, sums, strict=True)
-    ]
-    places = _places(sums[-1][:, 0], problem)
-    rows = jnp.concatenate([*found, places, problem.parameters.surprise(z)])
-    return rows, sums
+    rows, sums = problem.compare(problem.parameters.values(z))
+    return jnp.concatenate([rows, problem.parameters.surprise(z)]), sums
 
 
 def _places(

@@ -5,13 +5,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .fitting import CONVERGED, INTERRUPTED, NOT_CONVERGED
+from .fit_result import CONVERGED, INTERRUPTED, NOT_CONVERGED
+from .joint_fitting import TestedScene
 
 
 # How a scene may end besides.
 RENDERED, FAILED, FAULT = "rendered", "failed", "fault of the program"
+# Seen with what a joint fit has found for other scenes.
+TESTED = "tested"
 NOT_DONE = "not done"
-GOOD = CONVERGED, RENDERED
+GOOD = CONVERGED, RENDERED, TESTED
 STATES = (*GOOD, NOT_CONVERGED, INTERRUPTED, FAILED, FAULT, NOT_DONE)
 
 
@@ -56,6 +59,22 @@ def outcome_of_fit(
         {int(n): _number(b["w1_fit_over_std"]) for n, b in numbers["bands"].items()},
         page,
         kept,
+    )
+
+
+def outcome_of_test(name: str, test: TestedScene) -> Outcome:
+    """Return what is told of a scene that was not fitted."""
+    defaults = ", ".join(
+        f"C{n:02d} {d.w1_over_std:.3g}" for n, d in test.distances_start.items()
+    )
+    clouds = test.cloud_fractions
+    return Outcome(
+        name,
+        TESTED,
+        f"not fitted; with the defaults W1 over std is {defaults}",
+        observed_cloud=clouds["observed"],
+        simulated_cloud=clouds["simulated"],
+        w1_over_std={n: d.w1_over_std for n, d in test.distances_fit.items()},
     )
 
 

@@ -15,8 +15,9 @@ from cloudjax_data.whole_files import staged
 from cloudjax_scenes.html_template import html_template
 from cloudjax_scenes.netcdf import write_netcdf
 
-from .fitting import CONVERGED
+from .fit_result import CONVERGED
 from .outcome import GOOD, STATES, Outcome
+from .report import ParameterRow, format_number, format_with_std
 
 
 # By what is in it.
@@ -51,9 +52,14 @@ def summary_dataset(outcomes: Sequence[Outcome]) -> xr.Dataset:
 
 
 def write_summary(
-    folder: str | os.PathLike[str], outcomes: Sequence[Outcome], title: str
+    folder: str | os.PathLike[str],
+    outcomes: Sequence[Outcome],
+    title: str,
+    shared: Sequence[ParameterRow] = (),
 ) -> Path:
     """Write the table as CSV, HTML and netCDF, and return the path of the page.
+
+    **Arguments:** `shared`: parameters that the scenes have in common.
 
     **Raises:** `DataError` if the disk does not take them.
     """
@@ -63,13 +69,15 @@ def write_summary(
         (aside / TABLE).write_text(_csv(data), encoding="utf-8-sig", newline="")
         write_netcdf(aside / DATA, data)
         pages = [one.page for one in outcomes]
-        template = html_template("cloudjax_fit", "scene_summary.html.jinja")
+        filters = {"number": format_number, "with_std": format_with_std}
+        template = html_template("cloudjax_fit", "scene_summary.html.jinja", filters)
         page = template.render(
             title=title,
             columns=[name for name in _columns(data) if name != "converged"],
             rows=zip(pages, _rows(data), strict=True),
             counts={s: n for s in STATES if (n := _count(outcomes, s))},
             good=GOOD,
+            shared=shared,
         )
         (aside / PAGE).write_text(page, encoding="utf-8")
     return Path(folder) / PAGE

@@ -41,7 +41,7 @@ from cloudjax_scenes.data_errors import data_errors
 from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.lights import LIGHTS
 
-from .fitting import STATISTICS, FitSettings
+from .fit_settings import STATISTICS, FitSettings
 from .parameters import Parameter, unbounded_of, with_overrides
 from .scene_parameters import known_names, scene_parameters
 

@@ -13,7 +13,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .objective import Problem, residuals_and_sums
+from .objective import AbstractProblem, residuals_and_sums
 
 
 # Of a prior's standard deviation, and of a residual's: a step that changes less is no
@@ -85,7 +85,7 @@ class Solution:
     converged: bool
     message: str
     jacobian: Float[np.ndarray, "residuals parameters"]
-    sums: list[Float[np.ndarray, "blocks _ _"]]
+    sums: Any
     history: tuple[float, ...]
     seconds: float
     interrupted: bool = False
@@ -109,7 +109,7 @@ class Solver:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: AbstractProblem,
         *,
         max_steps: int = 150,
         on_step: OnStep | None = None,
@@ -134,13 +134,15 @@ class Solver:
         """Return the progress of a start from which no step has been made."""
         return Progress(z, eqx.tree_at(lambda s: s.y_eval, self._start, z))
 
-    def __call__(self, problem: Problem, z: Float[Array, " parameters"]) -> Solution:
+    def __call__(
+        self, problem: AbstractProblem, z: Float[Array, " parameters"]
+    ) -> Solution:
         """Solve a problem from a start."""
         return self.go_on(problem, self.begin(z))
 
     def go_on(
         self,
-        problem: Problem,
+        problem: AbstractProblem,
         begun: Progress,
         on_progress: OnProgress = lambda progress: None,
     ) -> Solution:
@@ -167,13 +169,13 @@ class Solver:
             message=self._in_words(at) if finite else "the residuals are not finite",
             # That of the last accepted point is kept: none has to be compiled.
             jacobian=np.asarray(_as_matrix(ended.f_info.jac), float),
-            sums=[np.asarray(sums, float) for sums in ended.aux],
+            sums=jax.tree.map(lambda sums: np.asarray(sums, float), ended.aux),
             history=(*at.losses, at.loss),
             seconds=time.perf_counter() - started,
             interrupted=not self._is_over(at),
         )
 
-    def _advance(self, at: Progress, problem: Problem) -> Progress:
+    def _advance(self, at: Progress, problem: AbstractProblem) -> Progress:
         z, state, facts = self._compiled(at.z, at.state, problem)
         facts = jax.device_get(facts)
         return Progress(
@@ -202,7 +204,7 @@ class Solver:
             return f"not converged in the {steps} steps allowed: allow more"
         return f"the solver broke down after {steps} steps: try another start"
 
-    def _step(self, z, state, problem: Problem):
+    def _step(self, z, state, problem: AbstractProblem):
         told: dict[str, Any] = {}
         solver = _levenberg_marquardt(lambda **facts: told.update(facts))
         state = eqx.combine(state, self._static)

@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from cloudjax_scenes.imagery import Imagery
+from cloudjax_scenes.simulated_image import SimulatedImage
 
-from .histogram import Quantiles
+from .histogram import Distances, Quantiles, distances
 from .statistics import Coverage, Statistics
 
 
@@ -57,6 +58,14 @@ class Target:
     def cloud_fraction(self) -> float:
         """Cloud over good pixels."""
         return float(self.block_cloud.sum() / self.good.sum())
+
+    def distances(self, image: SimulatedImage) -> dict[int, Distances]:
+        """Return how far the clouds of an image are from those observed, by band."""
+        weights = image.cloud[self.good]
+        return {
+            number: distances(table, image.band(number)[self.good], weights)
+            for number, table in self.quantiles.items()
+        }
 
     @property
     def _coverage(self) -> Coverage:

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .objective import Problem
+from .objective import AbstractProblem, Problem
 from .parameters import Parameter
 from .solver import Solution
 from .statistics import Statistics
@@ -52,7 +52,7 @@ class Estimate:
 
 
 def estimate(
-    problem: Problem,
+    problem: AbstractProblem,
     parameters: Sequence[Parameter],
     z_start: Float[Array, " parameters"],
     solution: Solution,
@@ -63,8 +63,7 @@ def estimate(
 
     **Arguments:** `parameters`: those of the problem.
     """
-    noise = _noise(problem, solution.sums, seed)
-    covariance = _sandwich(solution.jacobian, noise)
+    covariance = _sandwich(solution.jacobian, _filling(problem, solution, seed))
     z_fit = jnp.asarray(solution.z)
     own = problem.parameters
     start = np.asarray(own.values(z_start), float)
@@ -99,22 +98,34 @@ def _estimate(parameter: Parameter, value, start, deviation) -> Estimate:
     )
 
 
-def _sandwich(jacobian, noise) -> Float[np.ndarray, "parameters parameters"]:
+def _sandwich(jacobian, filling) -> Float[np.ndarray, "parameters parameters"]:
     # The rows of the priors keep JᵀJ regular, whatever the data say, unless rounding
     # has put a parameter onto its bound, where it moves nothing.
     bread = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
-    return bread @ (jacobian.T @ noise @ jacobian) @ bread
+    return bread @ filling @ bread
+
+
+def _filling(
+    problem: AbstractProblem, solution: Solution, seed: int
+) -> Float[np.ndarray, "parameters parameters"]:
+    """Jᵀ C J, scene by scene: what one scene's weather is, no other knows.
+
+    Residuals of places and of the priors are independent, of variance 1.
+    """
+    rest, filling = solution.jacobian, 0.0
+    for scene, sums in problem.scenes(solution.sums):
+        noise = _noise(scene, sums, seed)
+        own, rest = rest[: len(noise)], rest[len(noise) :]
+        filling = filling + own.T @ noise @ own
+    return filling + rest.T @ rest
 
 
 def _noise(
     problem: Problem, simulated, seed: int
 ) -> Float[np.ndarray, "residuals residuals"]:
-    """Covariance of all residuals.
-
-    Those of places and of the priors are independent and 1.
-    """
+    """Covariance of all residuals of a scene."""
     data = _bootstrap(problem.statistics, simulated, np.random.default_rng(seed))
-    noise = np.eye(len(data) + len(problem.block_fraction) + len(problem.parameters))
+    noise = np.eye(len(data) + len(problem.block_fraction))
     noise[: len(data), : len(data)] = data
     return noise
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from cloudjax import Scene, render
 from cloudjax_data import sun_direction
@@ -35,6 +35,11 @@ class SimulatedImage:
     def optical_depth(self) -> Float[np.ndarray, "y x"]:
         """Of all clouds."""
         return self.depths.sum(0)
+
+    @property
+    def on_earth(self) -> Bool[np.ndarray, "y x"]:
+        """The pixels that see the Earth."""
+        return np.isfinite(self.radiance[0])
 
     def band(self, number: int) -> Float[np.ndarray, "y x"]:
         """Return the radiances of a band."""

@@ -17,7 +17,7 @@ import xarray as xr
 from cloudjax import class_table, imagery_classes
 from cloudjax_cli import main
 from cloudjax_fit.fit_inputs import FitInputs, read_inputs
-from cloudjax_fit.fitting import FitSettings
+from cloudjax_fit.fit_settings import FitSettings
 from tests.commands import run, sentence_of
 from tests.fit_results import made_up_result
 from tests.generated import SCAN_START

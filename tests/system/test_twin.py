@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cloudjax import radiances
-from cloudjax_fit.fitting import draw_starts
 from cloudjax_fit.objective import residuals
 from cloudjax_fit.parameters import values_of
 from cloudjax_fit.solver import Solver
+from cloudjax_fit.solving import draw_starts
 from cloudjax_fit.uncertainty import estimate
 from tests.twin import make_twin
 

@@ -11,7 +11,8 @@ from cloudjax_data import DataError
 from cloudjax_fit import fit
 from cloudjax_fit.checkpoint import Checkpoint
 from cloudjax_fit.fit_files import fit_numbers, fit_report
-from cloudjax_fit.fitting import FitResult, FitSettings
+from cloudjax_fit.fit_result import FitResult
+from cloudjax_fit.fit_settings import FitSettings
 
 
 SETTINGS = FitSettings(

@@ -19,7 +19,8 @@ from tests.small_fits import (
 
 from cloudjax import FractalCloud
 from cloudjax_fit import fit, scene_parameters
-from cloudjax_fit.fitting import FitResult, FitSettings, draw_starts
+from cloudjax_fit.fit_result import FitResult
+from cloudjax_fit.fit_settings import FitSettings
 from cloudjax_fit.objective import (
     BLOCK_FLOOR,
     BLOCK_SPREAD,
@@ -30,6 +31,7 @@ from cloudjax_fit.objective import (
 from cloudjax_fit.observation import BINS
 from cloudjax_fit.parameters import put_all, unbounded_of, values_of
 from cloudjax_fit.solver import Progress, Solution, Solver, creeps
+from cloudjax_fit.solving import draw_starts
 from cloudjax_fit.statistics import COVERAGE_SCALE, SCALE
 from cloudjax_fit.targets import block_of_pixels
 from cloudjax_scenes import simulate_image

@@ -21,7 +21,7 @@ from tests.small_fits import (
 from cloudjax_data import DataError, open_folder
 from cloudjax_fit.fit_files import cloud_fractions, fit_numbers, fit_report
 from cloudjax_fit.fit_inputs import read_inputs
-from cloudjax_fit.fitting import FitSettings, _distances
+from cloudjax_fit.fit_settings import FitSettings
 from cloudjax_fit.functionals import Values
 from cloudjax_fit.histogram import Bins
 from cloudjax_fit.objective import pose, residuals
@@ -182,8 +182,8 @@ def test_images_are_compared_where_there_are_data(halves):
     spoilt[..., : SHAPE[1] // 2] = 999.0
     covered = np.where(half.good, cloud, 1.0)
     other = replace(image, radiance=spoilt, cloud=covered)
-    assert _distances(half, image) == _distances(half, other)
-    assert _distances(half, image)[1].n_simulated == (cloud & half.good).sum()
+    assert half.distances(image) == half.distances(other)
+    assert half.distances(image)[1].n_simulated == (cloud & half.good).sum()
 
 
 def test_resampling_knows_no_blocks_without_data():

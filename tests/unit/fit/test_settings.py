@@ -8,7 +8,7 @@ from tests.scenes import write_scene
 
 from cloudjax_data import DataError
 from cloudjax_fit.fit_inputs import read_inputs
-from cloudjax_fit.fitting import FitSettings
+from cloudjax_fit.fit_settings import FitSettings
 from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.settings import (
     Settings,
