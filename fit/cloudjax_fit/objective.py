@@ -5,6 +5,7 @@ Levenberg-Marquardt find the parameters from every start (docs/decisions.md).
 """
 
 import abc
+import functools as ft
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from cloudjax import FractalCloud, Scene, View, look, radiances
+from cloudjax.image.devices import shared_by_all
 from cloudjax_data import sun_direction
 from cloudjax_scenes.cloud_rule import CloudRule
 
@@ -118,12 +120,17 @@ def simulate(
 
 @eqx.filter_custom_jvp
 def _seen(values, problem: Problem) -> Float[Array, "bands rays"]:
-    """Radiances of the rays, with derivatives by the values in either mode."""
-    return _total(values, problem, problem.view)
+    """Radiances of the rays, with derivatives by the values in either mode.
+
+    All devices of all processes have their shares of the rays.
+    """
+    see = ft.partial(_total, problem.parameters)
+    return shared_by_all(see, (problem.scene, values), problem.view)
 
 
-def _total(values, problem: Problem, view: View) -> Float[Array, "bands rays"]:
-    scene = problem.parameters.put(problem.scene, values)
+def _total(parameters: Parameters, common, view: View) -> Float[Array, "bands rays"]:
+    scene, values = common
+    scene = parameters.put(scene, values)
     return scene.total(radiances(scene, view))
 
 
@@ -139,30 +146,34 @@ def _seen_jvp(primals, tangents):
     change, of_problem = tangents
     if jax.tree.leaves(of_problem):
         raise NotImplementedError("A fit has derivatives by its parameters only.")
-    seen, jacobian = _with_jacobian(values, problem)
-    return seen.T, jnp.einsum("rbp,p->br", jacobian, change)
+    see = ft.partial(_with_jacobian, problem.parameters)
+    common = problem.scene, values
+    seen, jacobian = shared_by_all(see, common, problem.view)
+    return seen, jnp.einsum("bpr,p->br", jacobian, change)
 
 
 def _with_jacobian(
-    values, problem: Problem
-) -> tuple[Float[Array, "rays bands"], Float[Array, "rays bands parameters"]]:
+    parameters: Parameters, common, view: View
+) -> tuple[Float[Array, "bands rays"], Float[Array, "bands parameters rays"]]:
+    scene, values = common
+
     def of_ray(i):
-        view = problem.view[i[None]]
+        one = view[i[None]]
 
         def seen(values):
-            bands = _total(values, problem, view)[:, 0]
+            bands = _total(parameters, (scene, values), one)[:, 0]
             return bands, bands
 
         jacobian, bands = jax.jacrev(seen, has_aux=True)(values)
         return bands, jacobian
 
-    count = problem.block_of_ray.shape[0]
+    count = len(view)
     # All that so many need fits the cache of a CPU core.
     at_once = min(128 if jax.default_backend() == "cpu" else 1 << 14, count)
     # Filled up: a rest would be compiled once more.
     rays = jnp.arange(-(-count // at_once) * at_once) % count
     found = jax.lax.map(of_ray, rays, batch_size=at_once)
-    return jax.tree.map(lambda each: each[:count], found)
+    return jax.tree.map(lambda each: jnp.moveaxis(each[:count], 0, -1), found)
 
 
 def residuals(

@@ -37,6 +37,7 @@ from cloudjax.workers import each
 
 from .canvas import Canvas
 from .devices import device_count, shared_out
+from .hosts import own_part, together
 from .tiling import Sight, batches, some_rays
 
 
@@ -99,7 +100,7 @@ def prepare(
     require_concrete(scene, "prepare", "call it before jit, grad or vmap")
     sight, count = _counted(sight, rays)
     tile = _whole_tile(tile)
-    jobs = _jobs(scene, sight, count, sun_direction, tile)
+    jobs = _jobs(scene, sight, range(count), sun_direction, tile)
     found = each(
         jobs, lambda job: [t for b in job() for t in _sampled_tiles(scene, b, tile)]
     )
@@ -119,7 +120,9 @@ def render(
     """March all rays, a tile that fits the cache at a time.
 
     The result is that of `radiances` and `products` and does not depend on `tile`. Rays
-    that hardly any cloud can be on are not marched.
+    that hardly any cloud can be on are not marched. Of several processes that
+    `jax.distributed` has brought together each renders a part of the rays, and all have
+    the whole in the end; a view or a prepared image each renders by itself.
 
     **Arguments:**
 
@@ -145,11 +148,14 @@ def render(
         if sun_direction is None:
             raise TypeError("Rays need a sun: give `sun_direction`.")
         sight, count = _counted(sight, rays)
+        part = own_part(count)
         jobs = (
             lambda job=job: (t for b in job() for t in _likely_tiles(scene, b, size))
-            for job in _jobs(scene, sight, count, sun_direction, size)
+            for job in _jobs(scene, sight, part, sun_direction, size)
         )
-    return _march(scene, jobs, count, with_products, on_tile)
+        painted = _march(scene, jobs, part, with_products, on_tile)
+        return Image(*together(painted, count))
+    return Image(*_march(scene, jobs, range(count), with_products, on_tile))
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,21 +224,23 @@ def _shares(
     return whole, np.tensordot(2 ** np.arange(len(each_way)), each_way > 0, axes=1)
 
 
-def _march(scene: Scene, jobs, count: int, with_products: bool, on_tile=None) -> Image:
+def _march(scene: Scene, jobs, part: range, with_products: bool, on_tile=None):
+    """Paint a part of the rays, those that the jobs bring."""
+
     def march(job: Callable[[], Iterable[Tile]]) -> list:
         return [
             (tile.index, _seen(scene, tile.view, with_products=with_products))
             for tile in job()
         ]
 
-    canvas, done = Canvas(count), 0
+    canvas, done = Canvas(len(part)), 0
     for parts in each(jobs, march):
-        for index, part in parts:
-            canvas.paint(index, part)
+        for index, seen in parts:
+            canvas.paint(index - part.start, seen)
             done += len(index)
         if on_tile is not None:
-            on_tile(done, count)
-    return Image(*canvas.painted)
+            on_tile(done, len(part))
+    return canvas.painted
 
 
 def _whole_tile(tile: int | None) -> int:
@@ -296,7 +304,7 @@ def _counted(
 def _jobs(
     scene: Scene,
     sight: Rays | Sight,
-    count: int,
+    part: range,
     sun_direction: Float[np.ndarray, "3"],
     tile: int,
 ) -> Iterator[_Job]:
@@ -316,6 +324,6 @@ def _jobs(
                     ways = look_around(scene, some, sun_direction)
                 yield _Batch(numbers[index], ways, textures)
 
-    for start in range(0, count, tile * _TILES_IN_JOB):
-        numbers = np.arange(start, min(start + tile * _TILES_IN_JOB, count))
+    for start in part[:: tile * _TILES_IN_JOB]:
+        numbers = np.arange(start, min(start + tile * _TILES_IN_JOB, part.stop))
         yield ft.partial(laid, numbers)

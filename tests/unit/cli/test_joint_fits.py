@@ -1,0 +1,118 @@
+"""`cloudjax fit --joint`: which scenes, which files, and what is refused."""
+
+import csv
+import json
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cloudjax_fit.joint_fitting import JointFit
+from cloudjax_fit.phases import Phases
+from cloudjax_fit.sharing import join
+from cloudjax_fit.solver import Solution
+from cloudjax_fit.uncertainty import Estimate
+from cloudjax_scenes.simulated_image import SimulatedImage
+from tests.commands import run, sentence_of
+from tests.scenes import write_scene
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("scenes")
+    return [write_scene(folder / name, (13,), seed=i) for i, name in enumerate("abc")]
+
+
+@pytest.fixture
+def joint(monkeypatch) -> list[list[str]]:
+    """The names of scenes that were fitted together, without a solver."""
+    calls = []
+
+    def fit(scenes, sharing, *, on_step, checkpoint, **_):
+        joined = join(scenes, sharing)
+        calls.append([scene.name for scene in scenes])
+        on_step(0, 5.0)
+        found = [
+            Estimate(p, p.default, p.default, 0.1, True, False)
+            for p in joined.parameters
+        ]
+        z = np.zeros(len(found))
+        end = Solution(z, True, "converged in 1 step", np.zeros((0, 0)), [], (5.0,), 0)
+        return JointFit(scenes, joined, end, end.message, found, [], Phases())
+
+    monkeypatch.setattr("cloudjax_cli.joint_scenes.joint_fit", fit)
+    monkeypatch.setattr("cloudjax_fit.fittable_scene.simulate_image", _seen)
+    monkeypatch.setattr("cloudjax_fit.joint_fitting.simulate_image", _seen)
+    return calls
+
+
+def _seen(scene, made_of):
+    """An image that nobody rendered."""
+    shape = made_of.imagery.grid.shape
+    radiance = jnp.broadcast_to(jnp.linspace(60.0, 100.0, shape[1]), (1, *shape))
+    return SimulatedImage(
+        scene.bands,
+        np.asarray(radiance),
+        np.ones(shape),
+        np.ones((len(scene.layers), *shape)),
+    )
+
+
+def test_scenes_are_fitted_together_and_others_are_tested(scenes, joint, tmp_path):
+    a, b, c = scenes
+    out = tmp_path / "out"
+    done = run("fit", a, "--joint", "--test", b, c, "-o", out, "--rays", "40")
+    assert done.exit_code == 0, done.output
+    assert joint == [["a"]]
+    with (out / "summary.csv").open(encoding="utf-8-sig", newline="") as file:
+        states = {row["scene"]: row["state"] for row in csv.DictReader(file)}
+    assert states == {"a": "converged", "b": "tested", "c": "tested"}
+    assert (out / "a" / "report.html").is_file()
+    assert [p.name for p in (out / "b").iterdir()] == ["simulated.nc"]
+    numbers = json.loads((out / "joint.json").read_text())
+    assert set(numbers["tests"]) == {"b", "c"}
+    assert "low_stratus.threshold" in numbers["shared"]
+    assert "low_stratus.top" not in numbers["shared"]
+    assert (
+        "low_stratus.top" in json.loads((out / "a/fit.json").read_text())["parameters"]
+    )
+    assert "[low_stratus]" in (out / "parameters.toml").read_text()
+    assert "low_stratus.threshold" in (out / "summary.html").read_text()
+
+
+def test_what_is_whole_is_not_fitted_again(scenes, joint, tmp_path):
+    a, b, _ = scenes
+    out = tmp_path / "out"
+    command = "fit", a, b, "--joint", "-o", out
+    run(*command)
+    again = run(*command, "--resume")
+    assert again.exit_code == 0, again.output
+    assert "converged in an earlier run" in again.output
+    assert joint == [["a", "b"]]
+    (tmp_path / "t.toml").write_text('[shared]\n"*.top" = true\n')
+    run(*command, "--resume", "--shared", tmp_path / "t.toml")
+    (out / "b" / "fit.json").unlink()
+    run(*command, "--resume")
+    run(*command)
+    assert joint == [["a", "b"]] * 4
+
+
+def test_what_cannot_be_is_refused(scenes, joint, tmp_path):
+    a, b, _ = scenes
+    out = "-o", tmp_path / "out"
+    said = sentence_of(run("fit", a, "--joint", *out))
+    assert "a joint fit needs several scenes" in said
+    said = sentence_of(run("fit", a, b, "--joint", "--dask", "local", *out))
+    assert "leave out --dask" in said
+    assert "--test is of joint fits" in sentence_of(run("fit", a, "--test", b, *out))
+    said = sentence_of(run("fit", a, b, "--joint", "--shared", "none.toml", *out))
+    assert "none.toml" in said
+    (b / "scene.toml").write_text('[parameters."low_stratus.threshold"]\nspread = 3\n')
+    try:
+        said = sentence_of(run("fit", a, b, "--joint", *out))
+    finally:
+        (b / "scene.toml").unlink()
+    assert "a and b have different values of spread for low_stratus.threshold" in said
+    assert not joint
+    assert not (tmp_path / "out").exists()
