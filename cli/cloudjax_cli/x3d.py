@@ -69,6 +69,11 @@ _OF_SCENES = ("parameters", "ignore_weather")
 @click.option("--steps", type=int, help="Through each cloud shell.")
 @click.option("--seed", type=int, help="Of clouds and boards.")
 @click.option(
+    "--flight",
+    metavar="FILE.csv",
+    help="Columns time (s or UTC), latitude, longitude, height_m: a view that flies.",
+)
+@click.option(
     "--viewer",
     metavar="X3DOM.JS",
     help="x3dom.js of the npm package x3dom, copied beside the page.",
@@ -82,6 +87,7 @@ def x3d(scene, output, **options) -> None:
     """
     from cloudjax_data.whole_files import require_writable
     from cloudjax_scenes.x3d.export import MANIFEST, write_sky
+    from cloudjax_scenes.x3d.flight import read_flight
     from cloudjax_scenes.x3d.sky import ExportSettings
 
     from .progress import tile_progress
@@ -92,10 +98,16 @@ def x3d(scene, output, **options) -> None:
         pixels=options["pixels"],
         seed=options["seed"] or 0,
     )
+    flight = None if options["flight"] is None else read_flight(options["flight"])
     sight = _sight(scene, options)
     with tile_progress("march") as on_tile:
         made = write_sky(
-            output, sight, settings, library=options["viewer"], on_tile=on_tile
+            output,
+            sight,
+            settings,
+            flight=flight,
+            library=options["viewer"],
+            on_tile=on_tile,
         )
     for note in sight.notes:
         click.echo(f"mind: {note}", err=True)

@@ -4,12 +4,14 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from cloudjax_data import DataError
 from cloudjax_data.whole_files import require_writable, staged
 
 from .document import document
+from .flight import Flight
 from .sky import TEXTURES, ExportSettings, Sight, make_sky
 from .viewer import LIBRARY, page
 
@@ -23,6 +25,7 @@ def write_sky(
     sight: Sight,
     settings: ExportSettings | None = None,
     *,
+    flight: Flight | None = None,
     library: str | os.PathLike[str] | None = None,
     on_tile: Callable[[int, int], None] | None = None,
 ) -> Mapping:
@@ -30,19 +33,23 @@ def write_sky(
 
     **Arguments:**
 
+    - `flight`: of a viewpoint that flies.
     - `library`: x3dom.js, which is copied beside the page.
     - `on_tile`: as of `make_sky`.
 
     **Returns:** what manifest.json has.
 
-    **Raises:** `DataError` where there is no cloud or no sun, for too few boards, and
-    if the disk does not take the files.
+    **Raises:** `DataError` where there is no cloud or no sun, for too few boards, for a
+    flight elsewhere, and if the disk does not take the files.
     """
     settings, folder = settings or ExportSettings(), Path(folder)
     require_writable(folder)
     if library is not None and not Path(library).is_file():
         raise DataError(f"{library} is no file: give the x3dom.js of a viewer.")
+    if flight is not None:
+        flight.require_near(sight.box)
     made = make_sky(sight, settings, on_tile)
+    sky = made.sky if flight is None else replace(made.sky, flight=flight)
     # Nothing of an earlier run may look like a part of this one.
     for name in (MANIFEST, *_PAGES):
         (folder / name).unlink(missing_ok=True)
@@ -50,9 +57,9 @@ def write_sky(
         for address, image in made.images.items():
             (aside / Path(address).name).write_bytes(image)
     with staged(folder, last=MANIFEST) as aside:
-        (aside / "scene.x3d").write_bytes(document(made.sky))
-        (aside / "scene_geo.x3d").write_bytes(document(made.sky, geographic=True))
-        text = page(made.sky, made.images, made.sky.about["title"])
+        (aside / "scene.x3d").write_bytes(document(sky))
+        (aside / "scene_geo.x3d").write_bytes(document(sky, geographic=True))
+        text = page(sky, made.images, sky.about["title"])
         (aside / "viewer.html").write_text(text, encoding="utf-8")
         if library is not None:
             shutil.copyfile(library, aside / LIBRARY)
