@@ -81,9 +81,9 @@ _OF_SCENES = ("parameters", "ignore_weather")
 def x3d(scene, output, **options) -> None:
     """Write the clouds of a box as X3D, for browsers and globes.
 
-    Clouds come from --weather, --wrf, --retrieval or --particles, or from a SCENE, a
-    folder of imagery, with the --parameters of a fit. Writes scene.x3d, scene_geo.x3d,
-    viewer.html, textures and manifest.json to DIR.
+    Clouds come from --weather, --wrf, --retrieval, --particles or --types, or from a
+    SCENE, a folder of imagery, with the --parameters of a fit. Writes scene.x3d,
+    scene_geo.x3d, viewer.html, textures and manifest.json to DIR.
     """
     from cloudjax_data.whole_files import require_writable
     from cloudjax_scenes.x3d.export import MANIFEST, write_sky
