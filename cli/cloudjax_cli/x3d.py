@@ -74,6 +74,12 @@ _OF_SCENES = ("parameters", "ignore_weather")
     help="Columns time (s or UTC), latitude, longitude, height_m: a view that flies.",
 )
 @click.option(
+    "--volume",
+    type=int,
+    metavar="N",
+    help="Write scene_volume.x3d as well, of N x N x N voxels, 8 to 128.",
+)
+@click.option(
     "--viewer",
     metavar="X3DOM.JS",
     help="x3dom.js of the npm package x3dom, copied beside the page.",
@@ -83,7 +89,7 @@ def x3d(scene, output, **options) -> None:
 
     Clouds come from --weather, --wrf, --retrieval, --particles or --types, or from a
     SCENE, a folder of imagery, with the --parameters of a fit. Writes scene.x3d,
-    scene_geo.x3d, viewer.html, textures and manifest.json to DIR.
+    scene_geo.x3d, scene.glb, viewer.html, textures and manifest.json to DIR.
     """
     from cloudjax_data.whole_files import require_writable
     from cloudjax_scenes.x3d.export import MANIFEST, write_sky
@@ -97,6 +103,7 @@ def x3d(scene, output, **options) -> None:
         boards=options["boards"],
         pixels=options["pixels"],
         seed=options["seed"] or 0,
+        volume=options["volume"],
     )
     flight = None if options["flight"] is None else read_flight(options["flight"])
     sight = _sight(scene, options)

@@ -68,6 +68,14 @@ def scene_element(sky: Sky, *, geographic: bool = False) -> ET.Element:
     **Arguments:** `geographic`: stand it on the globe by `GeoLocation`; else its origin
     is the centre of the box on the ground, x to the east, y up and z to the south.
     """
+    scene, world = stage(sky, geographic=geographic)
+    _clouds(world, sky)
+    _turning(scene, world, sky)
+    return scene
+
+
+def stage(sky: Sky, *, geographic: bool = False) -> tuple[ET.Element, ET.Element]:
+    """Make a scene without its clouds, and the node for them."""
     scene = ET.Element("Scene")
     ET.SubElement(
         scene,
@@ -86,26 +94,30 @@ def scene_element(sky: Sky, *, geographic: bool = False) -> ET.Element:
         add_flight(scene, sky.flight, sky.box, geographic=geographic)
     world = _anchor(scene, sky.box, geographic)
     _shape(world, GROUND, sky.ground, sky.ground_texture, clear=False)
-    _clouds(world, sky)
-    _turning(scene, world, sky)
-    return scene
+    return scene, world
 
 
 def document(sky: Sky, *, geographic: bool = False) -> bytes:
     """Make a whole file, X3D 4.0 in XML."""
+    profile = "Full" if geographic else "Immersive"
+    return whole_file(scene_element(sky, geographic=geographic), sky.about, profile)
+
+
+def whole_file(scene: ET.Element, about: Mapping[str, str], profile: str) -> bytes:
+    """Write a scene, and what it says of itself, as a file."""
     root = ET.Element(
         "X3D",
         {
-            "profile": "Full" if geographic else "Immersive",
+            "profile": profile,
             "version": "4.0",
             "xmlns:xsd": "http://www.w3.org/2001/XMLSchema-instance",
             "xsd:noNamespaceSchemaLocation": _SCHEMA,
         },
     )
     head = ET.SubElement(root, "head")
-    for name, content in sky.about.items():
+    for name, content in about.items():
         ET.SubElement(head, "meta", name=name, content=content)
-    root.append(scene_element(sky, geographic=geographic))
+    root.append(scene)
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
 

@@ -10,14 +10,18 @@ from pathlib import Path
 from cloudjax_data import DataError
 from cloudjax_data.whole_files import require_writable, staged
 
-from .document import document
+from .box import UP
+from .document import GROUND, document
 from .flight import Flight
-from .sky import TEXTURES, ExportSettings, Sight, make_sky
+from .gltf import glb
+from .sky import TEXTURES, ExportSettings, MadeSky, Sight, make_sky
 from .viewer import LIBRARY, page
+from .volume_document import volume_document
 
 
 MANIFEST = "manifest.json"
-_PAGES = ("scene.x3d", "scene_geo.x3d", "viewer.html")
+VOLUME, GLTF = "scene_volume.x3d", "scene.glb"
+_PAGES = ("scene.x3d", "scene_geo.x3d", VOLUME, GLTF, "viewer.html")
 
 
 def write_sky(
@@ -29,7 +33,9 @@ def write_sky(
     library: str | os.PathLike[str] | None = None,
     on_tile: Callable[[int, int], None] | None = None,
 ) -> Mapping:
-    """Write scene.x3d, scene_geo.x3d, viewer.html, textures and manifest.json.
+    """Write scene.x3d, scene_geo.x3d, scene.glb, viewer.html, textures, manifest.json.
+
+    And scene_volume.x3d, where the settings ask for it.
 
     **Arguments:**
 
@@ -59,9 +65,26 @@ def write_sky(
     with staged(folder, last=MANIFEST) as aside:
         (aside / "scene.x3d").write_bytes(document(sky))
         (aside / "scene_geo.x3d").write_bytes(document(sky, geographic=True))
+        if made.voxels is not None:
+            (aside / VOLUME).write_bytes(volume_document(sky, made.voxels))
+        (aside / GLTF).write_bytes(_from_above(made))
         text = page(sky, made.images, sky.about["title"])
         (aside / "viewer.html").write_text(text, encoding="utf-8")
         if library is not None:
             shutil.copyfile(library, aside / LIBRARY)
         (aside / MANIFEST).write_text(json.dumps(made.manifest, indent=2) + "\n")
     return made.manifest
+
+
+def _from_above(made: MadeSky) -> bytes:
+    """The ground, and over it the boards from above, as glTF."""
+    sky = made.sky
+    parts = {GROUND: (sky.ground, made.images[sky.ground_texture])}
+    if made.from_above is not None:
+        texture = sky.levels[0].textures[UP.name]
+        parts["clouds"] = made.from_above, made.images[texture]
+    place = {
+        "latitude_deg": sky.box.latitude_deg,
+        "longitude_deg": sky.box.longitude_deg,
+    }
+    return glb(parts, {**sky.about, **place})
