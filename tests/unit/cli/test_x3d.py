@@ -37,6 +37,7 @@ def _run(model, folder, *options):
         (("--sun", "nan,20"), "is not an azimuth"),
         (("--viewer", "nowhere/x3dom.js"), "is no file"),
         (("--flight", "nowhere.csv"), "is not a file"),
+        (("--volume", 4), "volume = 4 is none"),
         (("--weather", "x.grib2"), "give one"),
         (("--parameters", "x.toml"), "leave out --parameters"),
         (("--classes", "x.toml"), "leave out --classes"),
