@@ -13,6 +13,7 @@ from tests.generated_wrf import LEVELS, write_wrf
 PLACE = (20.0, -80.0)
 ROWS = COLUMNS = 12
 SIZE_KM, PIXELS, BOARDS = 30, 48, 60
+VOXELS = 16
 SMALL = ("--steps", 8, "--pixels", PIXELS, "--sun", "135,40")
 
 
@@ -30,7 +31,7 @@ def write_model(folder: Path) -> Path:
 def write_small_sky(folder: Path) -> Path:
     """The folder that the command line writes of it."""
     place = "--place", ",".join(map(str, PLACE))
-    box = "--size-km", SIZE_KM, "--boards", BOARDS
+    box = "--size-km", SIZE_KM, "--boards", BOARDS, "--volume", VOXELS
     model = write_model(folder)
     result = run("x3d", "--wrf", model, *place, *box, *SMALL, "-o", folder / "sky")
     assert result.exit_code == 0, result.output

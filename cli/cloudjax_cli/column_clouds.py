@@ -1,4 +1,4 @@
-"""Options of clouds that stand in columns: of a model, of a retrieval, of particles."""
+"""Options of clouds that stand in columns: measured, computed or made up."""
 
 import functools as ft
 from collections.abc import Callable, Mapping
@@ -64,6 +64,24 @@ def _of_particles(file: str, options: Options):
     return columns, columns.time
 
 
+def _by_type(file: str, options: Options):
+    from cloudjax_data import DataError
+    from cloudjax_scenes.by_type.placing import particles_of
+    from cloudjax_scenes.by_type.sky_file import read_sky
+    from cloudjax_scenes.particle_columns import ParticleColumns
+
+    sky = read_sky(file)
+    origin = sky.origin_deg or options["centre"]
+    if origin is None:
+        raise DataError(
+            f"{file} has no origin: add [origin] with latitude_deg and longitude_deg, "
+            "or give --centre."
+        )
+    particles = particles_of(sky, origin)
+    columns = ParticleColumns.of(particles, sky.path, options["time"] or sky.time)
+    return columns, columns.time
+
+
 def column_options(command):
     """Options of which one says where clouds come from."""
     every = (
@@ -81,6 +99,9 @@ def column_options(command):
         click.option(
             "--particles", metavar="FILE.nc", help="Clouds of cloudjax particles."
         ),
+        click.option(
+            "--types", metavar="TOML", help="Clouds by type, where the file puts them."
+        ),
         click.option("--place", type=Place(), help="WRF: centre of an ideal run."),
     )
     return ft.reduce(lambda c, option: option(c), reversed(every), command)
@@ -90,4 +111,5 @@ COLUMN_OPTIONS = (
     ColumnOption("wrf", "a weather model's own", _of_a_model),
     ColumnOption("retrieval", "what the satellite has seen", _retrieved),
     ColumnOption("particles", "those of the file", _of_particles),
+    ColumnOption("types", "those of the file", _by_type),
 )

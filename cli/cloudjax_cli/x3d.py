@@ -69,6 +69,17 @@ _OF_SCENES = ("parameters", "ignore_weather")
 @click.option("--steps", type=int, help="Through each cloud shell.")
 @click.option("--seed", type=int, help="Of clouds and boards.")
 @click.option(
+    "--flight",
+    metavar="FILE.csv",
+    help="Columns time (s or UTC), latitude, longitude, height_m: a view that flies.",
+)
+@click.option(
+    "--volume",
+    type=int,
+    metavar="N",
+    help="Write scene_volume.x3d as well, of N x N x N voxels, 8 to 128.",
+)
+@click.option(
     "--viewer",
     metavar="X3DOM.JS",
     help="x3dom.js of the npm package x3dom, copied beside the page.",
@@ -76,12 +87,13 @@ _OF_SCENES = ("parameters", "ignore_weather")
 def x3d(scene, output, **options) -> None:
     """Write the clouds of a box as X3D, for browsers and globes.
 
-    Clouds come from --weather, --wrf, --retrieval or --particles, or from a SCENE, a
-    folder of imagery, with the --parameters of a fit. Writes scene.x3d, scene_geo.x3d,
-    viewer.html, textures and manifest.json to DIR.
+    Clouds come from --weather, --wrf, --retrieval, --particles or --types, or from a
+    SCENE, a folder of imagery, with the --parameters of a fit. Writes scene.x3d,
+    scene_geo.x3d, scene.glb, viewer.html, textures and manifest.json to DIR.
     """
     from cloudjax_data.whole_files import require_writable
     from cloudjax_scenes.x3d.export import MANIFEST, write_sky
+    from cloudjax_scenes.x3d.flight import read_flight
     from cloudjax_scenes.x3d.sky import ExportSettings
 
     from .progress import tile_progress
@@ -91,11 +103,18 @@ def x3d(scene, output, **options) -> None:
         boards=options["boards"],
         pixels=options["pixels"],
         seed=options["seed"] or 0,
+        volume=options["volume"],
     )
+    flight = None if options["flight"] is None else read_flight(options["flight"])
     sight = _sight(scene, options)
     with tile_progress("march") as on_tile:
         made = write_sky(
-            output, sight, settings, library=options["viewer"], on_tile=on_tile
+            output,
+            sight,
+            settings,
+            flight=flight,
+            library=options["viewer"],
+            on_tile=on_tile,
         )
     for note in sight.notes:
         click.echo(f"mind: {note}", err=True)

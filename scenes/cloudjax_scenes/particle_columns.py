@@ -36,7 +36,8 @@ _LEAST_DEPTH = 1e-12
 class ParticleColumns:
     """`ParticleColumns` are the clouds of particles on columns of a local map.
 
-    Make them with `ParticleColumns.read`. The air is the US standard atmosphere.
+    Make them with `ParticleColumns.read` or `ParticleColumns.of`. The air is the US
+    standard atmosphere.
 
     **Fields:**
 
@@ -67,8 +68,17 @@ class ParticleColumns:
         """
         path = Path(path)
         particles, own = read_particles(path)
-        when = time or own
-        if when is None:
+        return ParticleColumns.of(particles, path, time or own)
+
+    @staticmethod
+    def of(
+        particles: CloudParticles, path: Path, time: datetime | None
+    ) -> "ParticleColumns":
+        """Share particles of a file out among columns.
+
+        **Raises:** `DataError` without a time, and for particles without cloud.
+        """
+        if time is None:
             raise DataError(f"{path} does not say of which time it is: give --time.")
         held = deposited(particles, columns_about(particles))
         assert held.ice_share is not None
@@ -81,7 +91,7 @@ class ParticleColumns:
         if not condensate:
             raise DataError(f"{path} has particles without any cloud: write it again.")
         return ParticleColumns(
-            path, when.astimezone(UTC), held.grid, held.heights_m, condensate
+            path, time.astimezone(UTC), held.grid, held.heights_m, condensate
         )
 
     @property
@@ -117,12 +127,41 @@ def columns_about(particles: CloudParticles) -> DepthColumns:
     columns, rows = np.ceil((high - low) / spacing).astype(int) + 1
     first = float(low[0]), float(low[1])
     grid = ColumnGrid(plane, first, (spacing, spacing), (int(rows), int(columns)))
-    bottom = max(float((particles.altitude_m - reach).min()), 0.0)
-    top = float((particles.altitude_m + reach).max())
-    levels = int(np.clip(np.ceil((top - bottom) / usual), 1, _MOST_LEVELS))
-    ends = np.linspace(bottom, top, levels + 1)
+    ends = _level_ends(particles, reach)
+    levels = len(ends) - 1
     heights = np.broadcast_to(ends[:, None, None], (levels + 1, *grid.shape))
     return DepthColumns(grid, heights, np.zeros((levels, *grid.shape)))
+
+
+def _level_ends(
+    particles: CloudParticles, reach: Float[np.ndarray, " particles"]
+) -> Float[np.ndarray, " ends"]:
+    """Ends of levels, about as deep as particles there deviate.
+
+    Where no particle reaches between others, a single level is enough.
+    """
+    low = np.maximum(particles.altitude_m - reach, 0)
+    high = np.maximum(particles.altitude_m + reach, low + 1)
+    order = np.argsort(low, kind="stable")
+    low, high, deviation = low[order], high[order], particles.deviation_m[order]
+    top = np.maximum.accumulate(high)
+    first = np.flatnonzero(np.concatenate([[True], low[1:] > top[:-1]]))
+    if len(first) > _MOST_LEVELS // 2:
+        first = first[:1]
+    last = np.concatenate([first[1:], [len(low)]]) - 1
+    usual = np.array(
+        [np.median(deviation[i : j + 1]) for i, j in zip(first, last, strict=True)]
+    )
+    wanted = (top[last] - low[first]) / usual
+    # Gaps are levels too.
+    shrunk = min(1.0, (_MOST_LEVELS + 1 - len(first)) / wanted.sum())
+    counts = np.maximum(np.ceil(wanted * shrunk - 1e-9), 1).astype(int)
+    return np.concatenate(
+        [
+            np.linspace(low[i], top[j], n + 1)
+            for i, j, n in zip(first, last, counts, strict=True)
+        ]
+    )
 
 
 def _condensate(held: DepthColumns, kind: CloudKind, share) -> Condensate:

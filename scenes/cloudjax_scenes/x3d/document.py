@@ -9,15 +9,15 @@ import numpy as np
 from cloudjax.geometry.geodesy import east_north_up, geodetic
 
 from .box import STEEP_DEG, Box, Sector
+from .fields import AXES, GEO_SYSTEM, decimal, decimals, looking, rotation
+from .flight import Flight
+from .flight_nodes import add_flight
 from .meshes import Mesh, Tiles
 
 
 _SCHEMA = "https://www.web3d.org/specifications/x3d-4.0.xsd"
-_GEO_SYSTEM = '"GD" "WE"'
 # Name of its texture.
 GROUND = "ground"
-# X3D has y upwards and z to the viewer.
-_AXES = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,7 @@ class Sky:
     - `ground`, `ground_texture`: below.
     - `top_m`: the highest cloud.
     - `about`: what the document says of itself, by name.
+    - `flight`: of one more viewpoint, None for none.
     """
 
     box: Box
@@ -58,6 +59,7 @@ class Sky:
     ground_texture: str
     top_m: float
     about: Mapping[str, str]
+    flight: Flight | None = None
 
 
 def scene_element(sky: Sky, *, geographic: bool = False) -> ET.Element:
@@ -66,42 +68,56 @@ def scene_element(sky: Sky, *, geographic: bool = False) -> ET.Element:
     **Arguments:** `geographic`: stand it on the globe by `GeoLocation`; else its origin
     is the centre of the box on the ground, x to the east, y up and z to the south.
     """
-    scene = ET.Element("Scene")
-    ET.SubElement(
-        scene,
-        "NavigationInfo",
-        # The first speed is metres in a second.
-        speed=_number(sky.box.size_m / 10),
-        type='"EXAMINE" "FLY" "ANY"',
-        headlight="false",
-        # Between them viewers draw: planes as near and as far as a flight needs.
-        avatarSize=f"{_number(sky.box.size_m / 2000)} 1.6 0.75",
-        visibilityLimit=_number(sky.box.size_m * 20),
-    )
-    ET.SubElement(scene, "Background", skyColor="0.36 0.53 0.78")
-    _viewpoints(scene, sky, geographic)
-    world = _anchor(scene, sky.box, geographic)
-    _shape(world, GROUND, sky.ground, sky.ground_texture, clear=False)
+    scene, world = stage(sky, geographic=geographic)
     _clouds(world, sky)
     _turning(scene, world, sky)
     return scene
 
 
+def stage(sky: Sky, *, geographic: bool = False) -> tuple[ET.Element, ET.Element]:
+    """Make a scene without its clouds, and the node for them."""
+    scene = ET.Element("Scene")
+    ET.SubElement(
+        scene,
+        "NavigationInfo",
+        # The first speed is metres in a second.
+        speed=decimal(sky.box.size_m / 10),
+        type='"EXAMINE" "FLY" "ANY"',
+        headlight="false",
+        # Between them viewers draw: planes as near and as far as a flight needs.
+        avatarSize=f"{decimal(sky.box.size_m / 2000)} 1.6 0.75",
+        visibilityLimit=decimal(sky.box.size_m * 20),
+    )
+    ET.SubElement(scene, "Background", skyColor="0.36 0.53 0.78")
+    _viewpoints(scene, sky, geographic)
+    if sky.flight is not None:
+        add_flight(scene, sky.flight, sky.box, geographic=geographic)
+    world = _anchor(scene, sky.box, geographic)
+    _shape(world, GROUND, sky.ground, sky.ground_texture, clear=False)
+    return scene, world
+
+
 def document(sky: Sky, *, geographic: bool = False) -> bytes:
     """Make a whole file, X3D 4.0 in XML."""
+    profile = "Full" if geographic else "Immersive"
+    return whole_file(scene_element(sky, geographic=geographic), sky.about, profile)
+
+
+def whole_file(scene: ET.Element, about: Mapping[str, str], profile: str) -> bytes:
+    """Write a scene, and what it says of itself, as a file."""
     root = ET.Element(
         "X3D",
         {
-            "profile": "Full" if geographic else "Immersive",
+            "profile": profile,
             "version": "4.0",
             "xmlns:xsd": "http://www.w3.org/2001/XMLSchema-instance",
             "xsd:noNamespaceSchemaLocation": _SCHEMA,
         },
     )
     head = ET.SubElement(root, "head")
-    for name, content in sky.about.items():
+    for name, content in about.items():
         ET.SubElement(head, "meta", name=name, content=content)
-    root.append(scene_element(sky, geographic=geographic))
+    root.append(scene)
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
 
@@ -113,7 +129,7 @@ def _anchor(scene: ET.Element, box: Box, geographic: bool) -> ET.Element:
         scene,
         "GeoLocation",
         DEF="clouds",
-        geoSystem=_GEO_SYSTEM,
+        geoSystem=GEO_SYSTEM,
         geoCoords=f"{box.latitude_deg:.7f} {box.longitude_deg:.7f} 0",
     )
 
@@ -141,9 +157,9 @@ def _viewpoints(scene: ET.Element, sky: Sky, geographic: bool) -> None:
                 scene,
                 "Viewpoint",
                 description=name,
-                orientation=_rotation(azimuth, elevation),
-                position=_numbers(eye @ _AXES.T),
-                centerOfRotation=_numbers([0.0, sky.top_m / 2, 0.0]),
+                orientation=rotation(azimuth, elevation),
+                position=decimals(eye @ AXES.T),
+                centerOfRotation=decimals([0.0, sky.top_m / 2, 0.0]),
             )
 
 
@@ -152,36 +168,19 @@ def _geographic_viewpoint(scene: ET.Element, name: str, box: Box, eye, towards) 
         float(x[0]) for x in geodetic(box.ecef_m(eye[None]))
     )
     # Its orientation is that about its own place, where another way is up.
-    east, north, up = east_north_up(latitude, longitude) @ (towards @ box.axes)
-    azimuth = (
-        np.degrees(np.arctan2(east, north)) if np.hypot(east, north) > 1e-6 else 180
-    )
-    elevation = np.degrees(np.arcsin(np.clip(up, -1, 1)))
+    ahead = east_north_up(latitude, longitude) @ -(towards @ box.axes)
     ET.SubElement(
         scene,
         "GeoViewpoint",
         description=name,
-        orientation=_rotation(float(azimuth), float(elevation)),
-        geoSystem=_GEO_SYSTEM,
+        orientation=looking(ahead),
+        geoSystem=GEO_SYSTEM,
         position=f"{latitude:.7f} {longitude:.7f} {altitude:.1f}",
     )
 
 
-def _rotation(azimuth_deg: float, elevation_deg: float) -> str:
-    """Axis and angle of a viewer at an azimuth and elevation, who looks back."""
-    # First the heading about y, then the pitch: as quaternions.
-    h, p = np.radians([180 - azimuth_deg, -elevation_deg]) / 2
-    w, x = np.cos(h) * np.cos(p), np.cos(h) * np.sin(p)
-    y, z = np.sin(h) * np.cos(p), -np.sin(h) * np.sin(p)
-    size = np.sqrt(x * x + y * y + z * z)
-    if size < 1e-9:
-        return "0 1 0 0"
-    axis = np.array([x, y, z]) / size
-    return f"{_numbers(axis, '.6f')} {2 * np.arctan2(size, w):.6f}"
-
-
 def _clouds(world: ET.Element, sky: Sky) -> None:
-    ranges = [_number(level.from_m) for level in sky.levels[1:]]
+    ranges = [decimal(level.from_m) for level in sky.levels[1:]]
     parent = world
     if ranges:
         parent = ET.SubElement(world, "LOD", DEF="detail", range=" ".join(ranges))
@@ -230,12 +229,12 @@ def _shape(
         index=" ".join(map(str, mesh.corners.reshape(-1).tolist())),
     )
     ET.SubElement(
-        triangles, "Coordinate", point=_numbers((mesh.place_m @ _AXES.T).reshape(-1))
+        triangles, "Coordinate", point=decimals((mesh.place_m @ AXES.T).reshape(-1))
     )
     ET.SubElement(
         triangles,
         "TextureCoordinate",
-        point=_numbers(mesh.texture.reshape(-1), ".5f"),
+        point=decimals(mesh.texture.reshape(-1), ".5f"),
     )
 
 
@@ -273,7 +272,7 @@ def choice_code(sky: Sky) -> str:
 
 def _turning(scene: ET.Element, world: ET.Element, sky: Sky) -> None:
     """Let a script show of each tile the sector that the viewer is in."""
-    size = _number(100 * sky.box.size_m)
+    size = decimal(100 * sky.box.size_m)
     ET.SubElement(world, "ProximitySensor", DEF="viewer", size=f"{size} {size} {size}")
     script = ET.SubElement(scene, "Script", DEF="turn", directOutput="true")
     ET.SubElement(script, "field", accessType="inputOnly", name="place", type="SFVec3f")
@@ -283,7 +282,7 @@ def _turning(scene: ET.Element, world: ET.Element, sky: Sky) -> None:
             script, "field", accessType="outputOnly", name=f"show{i}", type="SFInt32"
         )
     lines = [
-        f"show{i} = choice(eye.x - ({t['x']}), eye.y - {_number(sky.top_m / 2)}, "
+        f"show{i} = choice(eye.x - ({t['x']}), eye.y - {decimal(sky.top_m / 2)}, "
         f"eye.z - ({t['z']}));"
         for i, t in enumerate(tiles)
     ]
@@ -308,11 +307,3 @@ def _turning(scene: ET.Element, world: ET.Element, sky: Sky) -> None:
             toNode=tile["switch"],
             toField="set_whichChoice",
         )
-
-
-def _number(value: float) -> str:
-    return f"{value:.6g}"
-
-
-def _numbers(values: np.ndarray | Sequence[float], form: str = ".1f") -> str:
-    return " ".join(format(float(v), form) for v in values)

@@ -40,7 +40,7 @@ class SeenCloud:
     - `picture`: from where.
     - `ray`: of each piece, a pixel of the picture.
     - `place`: of each piece [m], in the box.
-    - `depth`: optical depth of each piece, along the ray.
+    - `depth`, `length_m`: optical depth and length of each piece, along the ray.
     - `cloudy`, `clear`: radiance of each pixel, as reflectance factors of the bands;
       with all cloud, and without.
     - `opacity`: 1 - T of each pixel by the renderer, also of cloud around the box.
@@ -50,6 +50,7 @@ class SeenCloud:
     ray: Int[np.ndarray, " pieces"]
     place: Float[np.ndarray, "pieces 3"]
     depth: Float[np.ndarray, " pieces"]
+    length_m: Float[np.ndarray, " pieces"]
     cloudy: Float[np.ndarray, "bands rays"]
     clear: Float[np.ndarray, "bands rays"]
     opacity: Float[np.ndarray, " rays"]
@@ -131,14 +132,14 @@ def _march(scene: Scene, picture: Picture, sun, share: float, index, filled):
         )
         for i, profile in zip(view.layer_of, profiles, strict=True)
     ]
-    ray, place, depth = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    ray, *known = (np.concatenate(part) for part in zip(*pieces, strict=True))
     images = cloudy[:, :count], clear[:, :count], opacity[:count]
-    return (index[ray], place, depth), images
+    return (index[ray], *known), images
 
 
 def _seen(scene: Scene, view: View, power: Float[Array, ""] | float):
     """Reflectance factors with and without cloud, opacity, and of each way the
-    transmittance to the end of each step and where the steps are.
+    transmittance to the end of each step and where it is.
     """
     bands, cloudy, clear = scene.reflective, radiances(scene, view), _clear(scene, view)
     assert bands is not None
@@ -154,14 +155,14 @@ def _seen(scene: Scene, view: View, power: Float[Array, ""] | float):
 @jax.jit
 def _through(scene: Scene, view: View, power: Float[Array, ""] | float):
     """Transmittance from the entry of each way to the end of each step, and distances
-    [m] of the steps from the entry.
+    [m] of the ends from the entry.
     """
     share = cloud_share(scene, view.samples, view.layer_of)[:, None]
     return [
         (
             (1 - share * (1 - way.passed.transmittance(way.layer.extinction_per_m)))
             ** power,
-            way.start_m[:, None] + way.distance_m,
+            way.start_m[:, None] + way.path.step_ends_m(way.layer.steps),
         )
         for way in march_layers(scene, view)
     ]
@@ -177,14 +178,16 @@ def _pieces(
     rays: Rays,
     shell: Shell,
     through: Float[np.ndarray, "rays ends"],
-    distance_m: Float[np.ndarray, "rays steps"],
+    ends_m: Float[np.ndarray, "rays ends"],
 ):
-    """Steps with cloud: their rays, places and depths."""
+    """Steps with cloud: their rays, places, depths and lengths."""
     seen = np.maximum(through, _DARK)
     depth = np.log(seen[:, :-1] / seen[:, 1:])
     ray, step = np.nonzero(depth > _LEAST_DEPTH)
     chord = chords(rays, shell)
-    distance = chord.entry_m[ray] + distance_m[ray, step]
+    first, last = ends_m[ray, step], ends_m[ray, step + 1]
+    distance = chord.entry_m[ray] + (first + last) / 2
     place = picture.box.local_m(rays[ray].at(distance))
     inside = picture.box.holds(place)
-    return ray[inside], place[inside], depth[ray, step][inside]
+    length = last - first
+    return ray[inside], place[inside], depth[ray, step][inside], length[inside]

@@ -1,5 +1,6 @@
 """Skies: from the renderer's scene to boards, textures and what is known of them."""
 
+import functools as ft
 import io
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +24,7 @@ from .document import Level, Sky
 from .meshes import Mesh, Tiles, board_meshes, ground_mesh
 from .sections import cloud_numbers, scattered, section_places, share_out
 from .seen_cloud import SeenCloud, near_by, see_cloud
+from .voxels import Voxels, require_voxels, voxels_of
 
 
 TEXTURES = "textures"
@@ -47,6 +49,7 @@ class ExportSettings:
     - `coarser`: of each level of detail, pixels that become one.
     - `tiles`: along each edge, which turn to the viewer one by one.
     - `seed`: of the particles.
+    - `volume`: voxels along each edge of the box; None for none.
 
     **Raises:** `DataError` for numbers that are none.
     """
@@ -57,6 +60,7 @@ class ExportSettings:
     coarser: tuple[int, ...] = (1, 2, 4)
     tiles: int = 4
     seed: int = 0
+    volume: int | None = None
 
     def __post_init__(self):
         least = {"boards": 1, "pixels": 16, "azimuths": 3, "tiles": 1, "seed": 0}
@@ -64,6 +68,8 @@ class ExportSettings:
             value = getattr(self, name)
             if value is not None and value < low:
                 raise DataError(f"{name} = {value} is too few: make it {low} or more.")
+        if self.volume is not None:
+            require_voxels(self.volume, self.across)
 
     @property
     def across(self) -> int:
@@ -114,11 +120,15 @@ class MadeSky:
     - `sky`: what documents show.
     - `images`: PNG files by their addresses.
     - `manifest`: what is known of it.
+    - `from_above`: all boards of the sector from above, None where there are none.
+    - `voxels`: None where none are asked for.
     """
 
     sky: Sky
     images: Mapping[str, bytes]
     manifest: Mapping
+    from_above: Mesh | None = None
+    voxels: Voxels | None = None
 
 
 def make_sky(
@@ -158,16 +168,17 @@ def make_sky(
         top_m=work.heights_m[1],
         about=_about(sight, manifest),
     )
-    return MadeSky(sky, images, manifest)
+    return MadeSky(sky, images, manifest, parts[UP.name].whole, work.voxels)
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """What a sector adds, level by level."""
+    """What a sector adds, level by level; and all boards of the finest as one mesh."""
 
     meshes: Sequence[Mapping[int, Mesh]]
     images: Sequence[bytes]
     measured: Mapping
+    whole: Mesh | None
 
 
 def _level(work: "_Work", parts: Mapping[str, _Part], i: int) -> Level:
@@ -215,6 +226,12 @@ class _Work:
             Tiles(sight.box, max(settings.tiles // n, 1)) for n in settings.coarser
         ]
 
+    @ft.cached_property
+    def voxels(self) -> Voxels | None:
+        if self.settings.volume is None:
+            return None
+        return voxels_of(self.above, self.settings.volume)
+
     @property
     def pitch_m(self) -> float:
         return self.sight.box.size_m / self.settings.across
@@ -249,17 +266,20 @@ class _Work:
         """Make the boards of a sector."""
         seen = self.above if sector is UP else self._see(sector, self._framed_m)
         colours = cloud_colours(seen, self.numbers, self.exposure)
-        meshes, images, made = [], [], []
+        meshes, images, made, whole = [], [], [], None
         for places, coarser, tiles in zip(
             self.places, self.settings.coarser, self.tiles, strict=True
         ):
             sections = share_out(seen, places)
             boards = boards_of(seen.picture, sections, coarser)
             atlas = atlas_of(boards, coarse_colours(colours, coarser))
+            if not made:
+                every = board_meshes(boards, atlas, Tiles(self.sight.box, 1))
+                whole = dict(every).get(0)
             meshes.append(dict(board_meshes(boards, atlas, tiles)))
             images.append(_png(atlas.image))
             made.append(boards)
-        return _Part(meshes, images, _measured(seen, made))
+        return _Part(meshes, images, _measured(seen, made), whole)
 
 
 def _measured(seen: SeenCloud, levels: Sequence[Boards]) -> Mapping:
@@ -308,11 +328,28 @@ def _manifest(work: _Work, measured: Mapping[str, Mapping]) -> Mapping:
         "levels_from_m": [round(work.from_m(i)) for i in range(len(settings.coarser))],
         "seed": settings.seed,
         "sectors": dict(measured),
+        **_of_volume(work),
         "files": {
             "scene.x3d": "plain transforms: metres, x east, y up, z south",
             "scene_geo.x3d": "the same on the globe, by GeoLocation (WGS 84)",
+            "scene.glb": "the boards from above as glTF; the same axes",
             "viewer.html": "the same with its textures, for x3dom.js beside it",
         },
+    }
+
+
+def _of_volume(work: _Work) -> Mapping:
+    voxels = work.voxels
+    if voxels is None:
+        return {}
+    return {
+        "volume": {
+            "voxels": voxels.depth.shape[0],
+            "size_m": [round(size) for size in voxels.size_m],
+            "mean_optical_depth": _round(voxels.depth.sum(axis=0).mean()),
+            "slice_m": _round(voxels.slice_m),
+            "mean_opacity": _round(voxels.mean_opacity()),
+        }
     }
 
 

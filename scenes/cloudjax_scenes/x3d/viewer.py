@@ -9,6 +9,7 @@ from dataclasses import replace
 from string import Template
 
 from .document import GROUND, Sky, choice_code, choices, scene_element
+from .flight_nodes import CLOCK, FLIER
 
 
 # The library of the browser, which has to lie beside the page.
@@ -45,6 +46,8 @@ def page(sky: Sky, images: Mapping[str, bytes], title: str) -> str:
         choice=choice_code(sky),
         middle=f"{sky.top_m / 2:.0f}",
         tiles=str(choices(sky)),
+        flier=FLIER,
+        clock=CLOCK,
         about="".join(
             f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>"
             for name, value in sky.about.items()
@@ -54,10 +57,14 @@ def page(sky: Sky, images: Mapping[str, bytes], title: str) -> str:
 
 def _suit_x3dom(scene: ET.Element) -> None:
     """Change what X3DOM does otherwise than X3D says."""
-    # It runs no scripts of scenes: the page turns the boards.
-    for tag in ("Script", "ROUTE"):
-        for element in scene.findall(tag):
-            scene.remove(element)
+    # It runs no scripts of scenes: the page turns the boards. It does not say when a
+    # viewpoint is chosen: the page starts the clock.
+    own = {script.get("DEF") for script in scene.findall("Script")} | {FLIER}
+    for script in scene.findall("Script"):
+        scene.remove(script)
+    for route in scene.findall("ROUTE"):
+        if route.get("fromNode") in own or route.get("toNode") in own - {FLIER}:
+            scene.remove(route)
     for appearance in scene.iter("Appearance"):
         # It knows no unlit material, and takes no light for shapes without any.
         for material in appearance.findall("UnlitMaterial"):

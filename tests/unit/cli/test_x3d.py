@@ -36,6 +36,8 @@ def _run(model, folder, *options):
         (("--sun", "10,-5"), "lights no cloud"),
         (("--sun", "nan,20"), "is not an azimuth"),
         (("--viewer", "nowhere/x3dom.js"), "is no file"),
+        (("--flight", "nowhere.csv"), "is not a file"),
+        (("--volume", 4), "volume = 4 is none"),
         (("--weather", "x.grib2"), "give one"),
         (("--parameters", "x.toml"), "leave out --parameters"),
         (("--classes", "x.toml"), "leave out --classes"),
@@ -105,6 +107,14 @@ def test_weather_reaches_the_boards(weather_folder, tmp_path, asked, monkeypatch
     assert world.decision.name == "table1"
     assert (box.latitude_deg, box.longitude_deg, box.size_m) == (20, -80, 50e3)
     assert (time, sun) == (NOON, None)
+
+
+def test_a_flight_elsewhere_is_refused_before_any_work(model, tmp_path, asked):
+    flight = tmp_path / "f.csv"
+    flight.write_text("time,latitude,longitude,height_m\n0,50,20,9\n1,50,21,9\n")
+    said = sentence_of(_run(model, tmp_path / "sky", "--flight", flight))
+    assert "f.csv stays" in said
+    assert not asked
 
 
 @pytest.mark.slow

@@ -1,8 +1,12 @@
 """X3D: the boards in the files are the renderer's cloud."""
 
 import json
+import os
 import re
+import struct
+import subprocess
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +14,7 @@ import pytest
 
 from cloudjax import Rays, look, products, render, sun_over
 from cloudjax.geometry.geodesy import east_north_up, ecef
-from cloudjax_data import open_wrf, read_wrf
+from cloudjax_data import DataError, open_wrf, read_wrf
 from cloudjax_scenes.model_scene import ModelWorld
 from cloudjax_scenes.x3d.atlas import atlas_of
 from cloudjax_scenes.x3d.boards import boards_of
@@ -20,7 +24,9 @@ from cloudjax_scenes.x3d.meshes import Tiles, board_meshes
 from cloudjax_scenes.x3d.sections import section_places, share_out
 from cloudjax_scenes.x3d.seen_cloud import SeenCloud, near_by, see_cloud
 from cloudjax_scenes.x3d.sights import middle_of, sight_of_columns
-from tests.x3d_files import PLACE, SIZE_KM, composite, shapes, write_small_sky
+from cloudjax_scenes.x3d.sky import ExportSettings
+from cloudjax_scenes.x3d.voxels import voxels_of
+from tests.x3d_files import PLACE, SIZE_KM, VOXELS, composite, shapes, write_small_sky
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +154,7 @@ def test_the_manifest_tells_what_the_files_hold(sky, manifest):
 def test_documents_are_valid_by_the_official_schema(sky, shared_data):
     etree = pytest.importorskip("lxml.etree", reason="lxml is absent")
     schema = etree.XMLSchema(etree.parse(shared_data / "x3d_schema/x3d-4.0.xsd"))
-    for name in ("scene.x3d", "scene_geo.x3d"):
+    for name in ("scene.x3d", "scene_geo.x3d", "scene_volume.x3d"):
         schema.assertValid(etree.parse(sky / name))
 
 
@@ -229,8 +235,8 @@ def _haze(box: Box) -> SeenCloud:
     height = np.tile([3e3, 2e3, 1e3], 64)
     place = np.column_stack([-3.5e3 + 1e3 * column, 3.5e3 - 1e3 * row, height])
     depth = np.random.default_rng(0).gamma(0.3, 2.0, len(ray))
-    none = np.zeros((1, 64))
-    return SeenCloud(picture, ray, place, depth, none, none, np.zeros(64))
+    length, none = np.full(len(ray), 800.0), np.zeros((1, 64))
+    return SeenCloud(picture, ray, place, depth, length, none, none, np.zeros(64))
 
 
 def test_sections_share_out_all_of_the_optical_depth():
@@ -262,3 +268,124 @@ def test_bytes_of_many_thin_boards_add_up(coarser):
     )
     depths = [board.middle_m[2] for board in boards.boards]
     assert depths == sorted(depths)
+
+
+def test_voxels_hold_what_the_pieces_hold():
+    """Each piece in the columns of its pixel, from its lower to its upper end."""
+    haze = _haze(Box(0.0, 0.0, 8e3))
+    voxels = voxels_of(haze, 8)
+    assert (voxels.low_m, voxels.high_m) == (600.0, 3400.0)
+    column = haze.column_depth.reshape(8, 8)
+    np.testing.assert_allclose(voxels.depth.sum(axis=0), column, rtol=1e-12)
+    # Levels of 350 m; the lowest piece is from 600 to 1400 m, the next from 1600 m on.
+    middle, lowest = (haze.depth[i::3].reshape(8, 8) for i in (1, 2))
+    np.testing.assert_allclose(voxels.depth[1], lowest * 350 / 800)
+    np.testing.assert_allclose(voxels.depth[2], (lowest * 100 + middle * 50) / 800)
+    # Of four pixels a voxel has the mean.
+    coarse = voxels_of(haze, 4).depth.sum(axis=0)
+    np.testing.assert_allclose(coarse, column.reshape(4, 2, 4, 2).mean((1, 3)))
+
+
+def test_slices_of_the_volume_let_as_much_light_pass_as_the_cloud(sky, manifest):
+    """400 slices across the diagonal of the box, straight down, with the opacities in
+    the file; the source is the manifest's mean from above.
+
+    Tolerance: 10 %, for a slice has 255 steps of opacity, a voxel the mean depth of
+    nine pixels, and the picture of the source is wider than the box.
+    """
+    root = ET.parse(sky / "scene_volume.x3d").getroot()
+    volume, texture = root.find(".//VolumeData"), root.find(".//PixelTexture3D")
+    assert volume is not None
+    assert texture is not None
+    size = np.array((volume.get("dimensions") or "").split(), float)
+    values = np.array((texture.get("image") or "").split(), int)
+    assert values[:4].tolist() == [1, VOXELS, VOXELS, VOXELS]
+    # Slices to the south, rows upwards, columns to the east.
+    opacity = values[4:].reshape(VOXELS, VOXELS, VOXELS) / 255
+    slices = 399 / np.linalg.norm(size) * size[1] / VOXELS
+    through = ((1 - opacity) ** slices).prod(axis=1)
+    found = 1 - through.mean()
+    assert manifest["volume"]["mean_opacity"] == pytest.approx(found, rel=1e-3)
+    up = manifest["sectors"]["up"]["mean_opacity"]["source"]
+    assert found == pytest.approx(up, rel=0.1)
+    # The thick cloud is in the north-east, the thin one in the south-west.
+    north_east, south_west = through[:8, 8:], through[8:, :8]
+    assert north_east.min() < 0.5 * south_west.min()
+
+
+@pytest.mark.parametrize(("count", "said"), [(7, "8 to 128"), (200, "8 to 128")])
+def test_volumes_have_limits(count, said):
+    with pytest.raises(DataError, match=said):
+        ExportSettings(volume=count)
+    with pytest.raises(DataError, match="--pixels 64 or more"):
+        ExportSettings(volume=64, pixels=48)
+
+
+def _glb(sky):
+    """The JSON of scene.glb, and its arrays by accessor."""
+    content = (sky / "scene.glb").read_bytes()
+    magic, version, whole, size, kind = struct.unpack_from("<4sIII4s", content)
+    assert (magic, version, whole, kind) == (b"glTF", 2, len(content), b"JSON")
+    document, binary = json.loads(content[20 : 20 + size]), content[28 + size :]
+    assert struct.unpack_from("<I4s", content, 20 + size) == (len(binary), b"BIN\0")
+    assert document["buffers"] == [{"byteLength": len(binary)}]
+
+    def view(number):
+        one = document["bufferViews"][number]
+        assert one["byteOffset"] % 4 == 0
+        return binary[one["byteOffset"] :][: one["byteLength"]]
+
+    widths, kinds = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}, {5126: "<f4", 5125: "<u4"}
+    arrays = [
+        np.frombuffer(view(one["bufferView"]), kinds[one["componentType"]]).reshape(
+            one["count"], widths[one["type"]]
+        )
+        for one in document["accessors"]
+    ]
+    return document, arrays, [view(image["bufferView"]) for image in document["images"]]
+
+
+def test_gltf_has_the_boards_from_above(sky):
+    """The same corners, texture and opacity as the scene, in glTF's own conventions."""
+    document, arrays, images = _glb(sky)
+    ground, clouds = (mesh["primitives"][0] for mesh in document["meshes"])
+    assert [m["alphaMode"] for m in document["materials"]] == ["OPAQUE", "BLEND"]
+    assert images[1] == (sky / "textures/level0_up.png").read_bytes()
+    x, y, z = arrays[clouds["attributes"]["POSITION"]].T
+    found = np.stack([x, -z, y], axis=-1).reshape(-1, 4, 3)
+    corners, inside = (
+        np.concatenate(part) for part in list(zip(*shapes(sky, 0), strict=True))[:2]
+    )
+    assert len(found) == len(corners)
+    one, other = (
+        np.lexsort((c[:, 0, 2], *np.round(c[:, [0, 2], :2]).reshape(-1, 4).T))
+        for c in (found, corners)
+    )
+    np.testing.assert_allclose(found[one], corners[other], atol=0.06)
+    # Textures of glTF begin at the upper left.
+    texture = arrays[clouds["attributes"]["TEXCOORD_0"]].reshape(-1, 4, 2)[one]
+    expected = inside[other] * [1, -1] + [0, 1]
+    np.testing.assert_allclose(texture, expected, atol=1e-5)
+    corner = arrays[clouds["indices"]].reshape(-1, 3)
+    assert corner.max() == 4 * len(found) - 1
+    bounds = document["accessors"][ground["attributes"]["POSITION"]]
+    assert bounds["max"][0] == pytest.approx(SIZE_KM * 500, rel=1e-3)
+
+
+def test_gltf_is_valid_by_the_validator_of_khronos(sky):
+    modules = os.environ.get("CLOUDJAX_NODE_MODULES", "")
+    if not (Path(modules) / "gltf-validator").is_dir():
+        pytest.skip("CLOUDJAX_NODE_MODULES has no npm package gltf-validator")
+    code = (
+        "require('gltf-validator').validateBytes(new Uint8Array(require('fs')"
+        ".readFileSync(process.argv[1]))).then(r => console.log(r.issues.numErrors, "
+        "r.issues.numWarnings))"
+    )
+    done = subprocess.run(
+        ["node", "-e", code, sky / "scene.glb"],
+        env=os.environ | {"NODE_PATH": modules},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["0", "0"]
