@@ -11,6 +11,7 @@ import importlib.resources
 import itertools
 import tomllib
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -179,7 +180,7 @@ def _ozone(pressure):
     standard = _table()["standard"]
     nodes = standard["pressure_atm"][::-1].tolist()
     fields = [standard[name][::-1] for name in ("ozone_atm_cm", "ozone_pressure_atm")]
-    found = [float(values[0]) for values in fields]
+    found: list[Any] = [float(values[0]) for values in fields]
     slopes = [(np.diff(values) / np.diff(nodes)).tolist() for values in fields]
     for i, (low, high) in enumerate(itertools.pairwise(nodes)):
         climbed = xp.clip(pressure - low, 0, high - low)
