@@ -141,9 +141,9 @@ class Surface(AbstractMappedGround):
         longitude_deg: Float[np.ndarray, " points"],
     ) -> "Cover":
         """Interpolate all that the ground is like to places, bilinear."""
-        kelvin, altitude, wind = self.weather_grid.sample_all(
-            [self.skin_k, self.height_m, self.wind_m_s], latitude_deg, longitude_deg
-        )
+        fields = [self.skin_k, self.height_m, self.wind_m_s]
+        found = self.weather_grid.sample_all(fields, latitude_deg, longitude_deg)
+        kelvin, altitude, wind = map(np.asarray, found)
         land = self.land_at(latitude_deg, longitude_deg)
         return Cover(land, kelvin, np.maximum(altitude, 0.0), wind)
 
@@ -159,7 +159,7 @@ class Surface(AbstractMappedGround):
         share = self.land_grid.sample_all(
             [self.land_share], latitude_deg, longitude_deg
         )
-        return share[0]
+        return np.asarray(share[0])
 
 
 @dataclass(frozen=True, eq=False)
