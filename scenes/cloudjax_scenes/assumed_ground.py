@@ -49,17 +49,17 @@ def assumed_background(
         for axis in np.meshgrid(latitude_deg, longitude_deg, indexing="ij")
     )
     height = np.maximum(up(φ, λ) @ sun_direction(time), 0.0)
-    kelvin = surface.temperature_k(φ, λ)
+    cover = surface.cover(φ, λ)
     found = {}
     for number, band in bands.items():
         radiance = np.zeros(φ.shape)
         given = band.coefficients(earth_sun_distance_au)
         if band.sunlit:
-            (albedo,) = surface.reflectance([number], φ, λ)
+            (albedo,) = cover.reflectance([number])
             path = path_reflectance(band, PAPER) * (height > 0) if number < 7 else 0.0
             radiance += (albedo * height + path) / given["kappa0"]
         if band.planck is not None:
-            (emissivity,) = surface.emissivity([number], φ, λ)
-            radiance += emissivity * planck.radiance(*band.planck, kelvin)
+            (emissivity,) = cover.emissivity([number])
+            radiance += emissivity * planck.radiance(*band.planck, cover.temperature_k)
         found[number] = radiance.reshape(len(latitude_deg), len(longitude_deg))
     return Background(LatLonGrid.from_axes(latitude_deg, longitude_deg), found)

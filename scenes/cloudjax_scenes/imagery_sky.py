@@ -80,9 +80,8 @@ class ImagerySky(ClearSky):
     def _reflected(self, number: int, seen, places: GroundPoints, irradiance):
         """The sun's part of a clear radiance, by the table of the surface."""
         assert self.surface is not None
-        (albedo,) = self.surface.reflectance(
-            [number], places.latitude_deg, places.longitude_deg
-        )
+        cover = self.surface.cover(places.latitude_deg, places.longitude_deg)
+        (albedo,) = cover.reflectance([number])
         return np.minimum(albedo * irradiance, MOST_SUN * seen)
 
 

@@ -18,7 +18,7 @@ from cloudjax import (
     Scene,
     render,
 )
-from cloudjax.geometry.geodesy import up
+from cloudjax.geometry.path import ground_points
 from cloudjax.geometry.rays import GroundPoints
 from cloudjax_data import (
     GRID_MAPPING,
@@ -98,16 +98,16 @@ def render_sensor(
     - `on_tile`: called with the numbers of rays done and of all.
     """
     view, sun = sensor.view, sun_direction(time)
-    ground, hit = view.rays().ground()
+    rays = view.rays()
+    ground, hit = ground_points(rays)
     scene = world.scene(bands, time, winds, day=is_day(ground, hit, sun))
     # A fixed grid has much of space, a camera the limb and the sky with their clouds.
     spared = isinstance(view, FixedGrid) and hit.any()
     pixels = np.flatnonzero(hit) if spared else np.arange(hit.size)
     image = render(
         scene,
-        lambda index: view.rays(pixels[index]),
+        rays[pixels] if spared else rays,
         sun,
-        rays=len(pixels),
         with_products=True,
         on_tile=on_tile,
     )
@@ -161,8 +161,7 @@ def is_day(ground: GroundPoints, hit, sun: Float[np.ndarray, "3"]) -> bool:
     Bands that reflect only are rendered at night too, and are dark then. Where all
     rays miss the Earth nothing is known of the hour.
     """
-    height = (up(ground.latitude_deg, ground.longitude_deg) * sun).sum(-1)
-    return not hit.any() or bool(height[hit].max() > LEAST_SUN)
+    return not hit.any() or bool((ground.upward @ sun)[hit].max() > LEAST_SUN)
 
 
 def sensor_dataset(

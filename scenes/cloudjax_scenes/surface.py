@@ -22,15 +22,17 @@ the solar zenith angle.
 import functools as ft
 import importlib.resources
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.geodesy import dot, up
+from cloudjax.geometry.geodesy import dot
 from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax.geometry.path import device_array
-from cloudjax.geometry.rays import GroundPoints, Rays
+from cloudjax.geometry.rays import Rays
 from cloudjax.light.ground import AbstractMappedGround, GroundSamples, Lambertian
 from cloudjax.light.optics import LAST_SUNLIT_BAND
 from cloudjax.light.sea import glint, slope_variance
@@ -117,21 +119,33 @@ class Surface(AbstractMappedGround):
         self, rays, places, hit, sun_direction, reflective, emissive
     ) -> GroundSamples:
         """Read what the ground is like at the places."""
-        place = places.latitude_deg, places.longitude_deg
+        cover = self.cover(places.latitude_deg, places.longitude_deg)
         albedo = emissivity = mirrored = None
         if reflective is not None:
-            albedo = device_array(self.reflectance(reflective.numbers, *place).T)
-            mirrored = self.glint(reflective.numbers, rays, places, sun_direction).T
+            numbers = reflective.numbers
+            albedo = device_array(cover.reflectance(numbers).T)
+            mirrored = cover.glint(numbers, rays, places.upward, sun_direction).T
         if emissive is not None:
-            emissivity = device_array(self.emissivity(emissive.numbers, *place).T)
-        kelvin = device_array(self.temperature_k(*place))
+            emissivity = device_array(cover.emissivity(emissive.numbers).T)
         return GroundSamples.of(
             places,
             hit,
             sun_direction,
-            self.altitude_m(*place),
-            Lambertian(albedo, emissivity, kelvin, mirrored),
+            cover.altitude_m,
+            Lambertian(albedo, emissivity, device_array(cover.temperature_k), mirrored),
         )
+
+    def cover(
+        self,
+        latitude_deg: Float[np.ndarray, " points"],
+        longitude_deg: Float[np.ndarray, " points"],
+    ) -> "Cover":
+        """Interpolate all that the ground is like to places, bilinear."""
+        fields = [self.skin_k, self.height_m, self.wind_m_s]
+        found = self.weather_grid.sample_all(fields, latitude_deg, longitude_deg)
+        kelvin, altitude, wind = map(np.asarray, found)
+        land = self.land_at(latitude_deg, longitude_deg)
+        return Cover(land, kelvin, np.maximum(altitude, 0.0), wind)
 
     def land_at(
         self,
@@ -142,88 +156,79 @@ class Surface(AbstractMappedGround):
 
         Lakes are land.
         """
-        return _read(self.land_share, self.land_grid, latitude_deg, longitude_deg)
+        share = self.land_grid.sample_all(
+            [self.land_share], latitude_deg, longitude_deg
+        )
+        return np.asarray(share[0])
 
-    def temperature_k(
-        self,
-        latitude_deg: Float[np.ndarray, " points"],
-        longitude_deg: Float[np.ndarray, " points"],
-    ) -> Float[np.ndarray, " points"]:
-        """Interpolate the temperature of the skin, bilinear."""
-        return _read(self.skin_k, self.weather_grid, latitude_deg, longitude_deg)
 
-    def altitude_m(
-        self,
-        latitude_deg: Float[np.ndarray, " points"],
-        longitude_deg: Float[np.ndarray, " points"],
-    ) -> Float[np.ndarray, " points"]:
-        """Interpolate the altitude of the ground; 0 where the weather does not say."""
-        found = _read(self.height_m, self.weather_grid, latitude_deg, longitude_deg)
-        return np.maximum(found, 0.0)
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """A `Cover` is what the ground is like at some places.
 
-    def reflectance(
-        self,
-        bands: Sequence[int],
-        latitude_deg: Float[np.ndarray, " points"],
-        longitude_deg: Float[np.ndarray, " points"],
-    ) -> Float[np.ndarray, "bands points"]:
+    **Fields:**
+
+    - `land`: share of land; between 0 and 1 within 11 km of a coast.
+    - `temperature_k`: of the skin.
+    - `altitude_m`: of the ground, at least 0.
+    - `wind_m_s`: over the sea.
+    """
+
+    land: Float[np.ndarray, " points"]
+    temperature_k: Float[np.ndarray, " points"]
+    altitude_m: Float[np.ndarray, " points"]
+    wind_m_s: Float[np.ndarray, " points"]
+
+    def reflectance(self, bands: Sequence[int]) -> Float[np.ndarray, "bands points"]:
         """Give the Lambertian albedo in bands that see the sun, numbers 1 to 7."""
-        land = self.land_at(latitude_deg, longitude_deg)
-        snow = self._snow(latitude_deg, longitude_deg)
-        rows = []
+        rows, snow = [], self._snow
         for band in bands:
             i = band - 1
             ground = BARE_SHARE * BARE[i] + (1 - BARE_SHARE) * VEGETATION[i]
-            bare = land * ground + (1 - land) * SEA[i]
+            bare = self.land * ground + (1 - self.land) * SEA[i]
             rows.append(snow * SNOW[i] + (1 - snow) * bare)
         return np.stack(rows)
+
+    def emissivity(self, bands: Sequence[int]) -> Float[np.ndarray, "bands points"]:
+        """Give one less the albedo at 3.9 µm and one beyond, numbers 7 to 16."""
+        rows = np.ones((len(bands), len(self.land)))
+        for row, band in zip(rows, bands, strict=True):
+            if band == LAST_SUNLIT_BAND:
+                row -= self.reflectance([band])[0]
+        return rows
 
     def glint(
         self,
         bands: Sequence[int],
         rays: Rays,
-        places: GroundPoints,
+        upward: Float[np.ndarray, "rays 3"],
         sun_direction: Float[np.ndarray, "3"],
     ) -> Float[Array, "bands rays"]:
         """Give the reflectance factor of the sun's mirror image in water without ice,
         in bands 1 to 7, where rays meet the ground.
+
+        **Arguments:** `upward`: of the places, unit vectors, ECEF.
         """
-        place = places.latitude_deg, places.longitude_deg
-        vertical = up(*place)
-        wind = _read(self.wind_m_s, self.weather_grid, *place)
-        water = (1 - self.land_at(*place)) * (1 - self._snow(*place))
-        found = glint(
-            device_array(vertical @ sun_direction),
-            device_array(-dot(vertical, rays.direction)),
+        return _glint(
+            device_array((1 - self.land) * (1 - self._snow)),
+            device_array(upward @ sun_direction),
+            device_array(-dot(upward, rays.direction)),
             device_array(rays.direction @ sun_direction),
-            slope_variance(device_array(wind)),
+            device_array(self.wind_m_s),
             jnp.asarray([REFRACTION[band - 1] for band in bands], float),
         )
-        return device_array(water)[None] * found
 
-    def _snow(self, latitude_deg, longitude_deg):
+    @property
+    def _snow(self) -> Float[np.ndarray, " points"]:
         """The share of snow and ice."""
         cold, warm = SNOW_K
-        temperature = self.temperature_k(latitude_deg, longitude_deg)
-        return np.clip((warm - temperature) / (warm - cold), 0, 1)
-
-    def emissivity(
-        self,
-        bands: Sequence[int],
-        latitude_deg: Float[np.ndarray, " points"],
-        longitude_deg: Float[np.ndarray, " points"],
-    ) -> Float[np.ndarray, "bands points"]:
-        """Give one less the albedo at 3.9 µm and one beyond, numbers 7 to 16."""
-        rows = np.ones((len(bands), len(latitude_deg)))
-        for row, band in zip(rows, bands, strict=True):
-            if band == LAST_SUNLIT_BAND:
-                row -= self.reflectance([band], latitude_deg, longitude_deg)[0]
-        return rows
+        return np.clip((warm - self.temperature_k) / (warm - cold), 0, 1)
 
 
-def _read(nodes, grid: LatLonGrid, latitude_deg, longitude_deg):
-    found = grid.sample(np.asarray(nodes)[..., None], latitude_deg, longitude_deg)
-    return np.asarray(found)[..., 0]
+@jax.jit
+def _glint(water, sun, view, scattering, wind_m_s, refraction):
+    found = glint(sun, view, scattering, slope_variance(wind_m_s), refraction)
+    return water[None] * found
 
 
 def wind_at_10_m(

@@ -21,7 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cloudjax.geometry.geodesy import MEAN_RADIUS_M, up
+from cloudjax.geometry.geodesy import MEAN_RADIUS_M, dot
+from cloudjax.geometry.on_host import compiled_for_many
 from cloudjax.geometry.path import device_array
 from cloudjax.geometry.rays import GroundPoints, Rays
 from cloudjax.geometry.shells import Shell
@@ -106,20 +107,17 @@ class Air(eqx.Module):
         sun_direction: Float[np.ndarray, "3"],
     ) -> Column:
         """Find the air along rays, on the host, as it is where they meet the ground."""
-        φ, λ = ground.latitude_deg, ground.longitude_deg
-        vertical = up(φ, λ)
-        sun = (vertical * sun_direction).sum(-1)
+        sun = ground.upward @ sun_direction
         above = known = None
         if self.profiles is not None:
-            kelvin, humidity = self.profiles(φ, λ)
-            above = jax.tree.map(device_array, gases.columns(kelvin, humidity))
-            known = device_array(kelvin)
+            found = _columns_at(ground, self.profiles)
+            above, known = jax.tree.map(device_array, found)
         # The shadow is z = R μ²/2 high where the sun is below the horizon.
         shadow = MEAN_RADIUS_M / 2 * np.minimum(sun, 0) ** 2 / _SCALE_HEIGHT_M
         return Column(
             above,
             known,
-            view=device_array(1 / gases.airmass(-(vertical * rays.direction).sum(-1))),
+            view=device_array(1 / gases.airmass(-dot(ground.upward, rays.direction))),
             sun=device_array(1 / gases.airmass(sun)),
             daylight=device_array(np.exp(-shadow)),
             scattering=device_array(rays.direction @ sun_direction),
@@ -189,6 +187,13 @@ class Air(eqx.Module):
             gas = jnp.ones_like(path).at[rows].set(jnp.exp(-depth))
             path, passed = path * gas, passed * gas
         return Veil(path, passed, albedo)
+
+
+@compiled_for_many(exact=False)
+def _columns_at(places: GroundPoints, profiles: ProfileGrid):
+    """Absorbers above places, and their temperatures."""
+    kelvin, humidity = profiles(places.latitude_deg, places.longitude_deg)
+    return gases.columns(kelvin, humidity), kelvin
 
 
 class Emission(eqx.Module):

@@ -3,14 +3,14 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid
 
 from .atmosphere import AbstractTemperature
 
 
-Profiles = tuple[Float[np.ndarray, "points levels"], Float[np.ndarray, "points levels"]]
+Profiles = tuple[Float[AnyArray, "points levels"], Float[AnyArray, "points levels"]]
 
 
 class ProfileGrid(eqx.Module):
@@ -23,19 +23,21 @@ class ProfileGrid(eqx.Module):
     - `grid`: the places of the nodes.
     """
 
-    temperature_k: Float[AnyArray, "lat lon levels"]
-    specific_humidity: Float[AnyArray, "lat lon levels"]
+    # On the device, for compiled functions would bring them there at every call.
+    temperature_k: Float[Array, "lat lon levels"] = eqx.field(converter=jnp.asarray)
+    specific_humidity: Float[Array, "lat lon levels"] = eqx.field(converter=jnp.asarray)
     grid: LatLonGrid
 
     def __call__(
         self,
-        latitude_deg: Float[np.ndarray, " points"],
-        longitude_deg: Float[np.ndarray, " points"],
+        latitude_deg: Float[AnyArray, " points"],
+        longitude_deg: Float[AnyArray, " points"],
     ) -> Profiles:
-        """Interpolate temperature [K] and humidity [kg/kg] to places, bilinear."""
-        kelvin, humidity = (
-            np.asarray(self.grid.sample(nodes, latitude_deg, longitude_deg))
-            for nodes in (self.temperature_k, self.specific_humidity)
+        """Interpolate temperature [K] and humidity [kg/kg] to places, bilinear; numpy
+        in, numpy out.
+        """
+        kelvin, humidity = self.grid.sample_all(
+            [self.temperature_k, self.specific_humidity], latitude_deg, longitude_deg
         )
         return kelvin, humidity
 

@@ -15,9 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from cloudjax.geometry.arrays import namespace
 from cloudjax.geometry.column_grid import ColumnGrid
 from cloudjax.geometry.footprint import Sampling
 from cloudjax.geometry.geodesy import geodetic
+from cloudjax.geometry.on_host import compiled_for_many
 from cloudjax.geometry.path import Profile, device_array, navigate, points_along
 from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import Chords, Shell
@@ -62,24 +64,11 @@ class AbstractColumns(AbstractCloudSource):
 
     def navigate(self, rays: Rays, chord: Chords, sampling: Sampling) -> ColumnPath:
         """Lay rays over the map, on the host in float64."""
-        knots = [
-            np.stack(self.grid.index(*geodetic(place)[:2]), axis=-1)
-            for place in points_along(rays, chord, sampling.knots)
-        ]
-        index = np.nan_to_num(np.stack(knots, axis=1), posinf=_FAR, neginf=_FAR)
-        # A way over the seam of the map, or where it is torn, is far from all columns.
-        leap = np.abs(np.diff(index, axis=1)).max(axis=(1, 2))
-        most = 10 + 5 * chord.length_m / np.abs(self.grid.spacing_m).min()
-        index = np.clip(index, -_FAR, _FAR)
-        index[leap > most] = _FAR
-        rows, columns = (
-            np.clip(np.rint(index[..., i].mean(1)), 0, n - 1).astype(int)
-            for i, n in enumerate(self.grid.shape)
-        )
+        index, nearest = _laid(rays, chord, self.grid, sampling.knots)
         return ColumnPath(
             path=navigate(rays, chord),
             index=device_array(index),
-            per_m=device_array(_per_m(self.grid)[rows, columns]),
+            per_m=device_array(_per_m(self.grid)[nearest]),
         )
 
     def likelihood(self, samples: ColumnPath | ColumnSamples) -> Float[Array, " rays"]:
@@ -155,9 +144,30 @@ class AbstractColumns(AbstractCloudSource):
         return jnp.moveaxis(found, -1, 0)
 
 
+@compiled_for_many("grid", "knots")
+def _laid(rays: Rays, chord: Chords, grid: ColumnGrid, knots: int):
+    """Rows and columns over which the knots are, and the number of the column nearest
+    to their middle.
+    """
+    xp = namespace(rays.direction)
+    places = xp.stack(points_along(rays, chord, knots), axis=1)
+    index = xp.stack(grid.index(*geodetic(places)[:2]), axis=-1)
+    index = xp.nan_to_num(index, posinf=_FAR, neginf=_FAR)
+    # A way over the seam of the map, or where it is torn, is far from all columns.
+    leap = xp.abs(xp.diff(index, axis=1)).max(axis=(1, 2))
+    most = 10 + 5 * chord.length_m / np.abs(grid.spacing_m).min()
+    index = xp.clip(index, -_FAR, _FAR)
+    index = xp.where((leap > most)[:, None, None], _FAR, index)
+    row, column = (
+        xp.clip(xp.rint(index[..., i].mean(1)), 0, n - 1).astype(int)
+        for i, n in enumerate(grid.shape)
+    )
+    return index, row * grid.shape[1] + column
+
+
 @ft.lru_cache(maxsize=8)
-def _per_m(grid: ColumnGrid) -> Float[np.ndarray, "y x 2 3"]:
-    return grid.per_m()
+def _per_m(grid: ColumnGrid) -> Float[np.ndarray, "columns 2 3"]:
+    return grid.per_m().reshape(-1, 2, 3).astype(np.float32)
 
 
 def _corners(row, column, shape: tuple[int, int]):

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from cloudjax.geometry.arrays import namespace
 from cloudjax.geometry.footprint import Footprint, Sampling, stretch_of
-from cloudjax.geometry.geodesy import geodetic, vertical
+from cloudjax.geometry.geodesy import angles_of, geodetic, vertical
 from cloudjax.geometry.on_host import compiled_for_many
 from cloudjax.geometry.path import (
     Profile,
@@ -347,9 +347,7 @@ def _laid(rays: Rays, chord: Chords, per_m, shifts, knots: int):
     entry = xp.einsum("oab,rb->roa", per_m, first) + shifts[None]
     change = xp.stack([point - first for point in further], axis=-1)
     upward, altitude = vertical(xp.stack([first, *further], axis=-2))
-    x, y, z = xp.moveaxis(upward, (-1, -2), (0, 1))
-    angles = xp.arctan2(z, xp.sqrt(x * x + y * y)), xp.arctan2(y, x)
-    places = xp.degrees(xp.stack(angles, axis=1))
+    places = xp.moveaxis(xp.stack(angles_of(upward)), -1, 0)
     return entry - xp.floor(entry), change, upward, altitude, places
 
 

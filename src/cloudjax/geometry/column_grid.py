@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .arrays import HostArray
 from .geodesy import GRS80, Ellipsoid, ecef
 from .map_projections import AbstractMapProjection
 
@@ -28,9 +29,9 @@ class ColumnGrid:
 
     def index(
         self,
-        latitude_deg: Float[np.ndarray, "*n"],
-        longitude_deg: Float[np.ndarray, "*n"],
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        latitude_deg: Float[HostArray, "*n"],
+        longitude_deg: Float[HostArray, "*n"],
+    ) -> tuple[Float[HostArray, "*n"], Float[HostArray, "*n"]]:
         """Return row and column of places, whole numbers in the middles of columns."""
         x, y = self.projection.project(latitude_deg, longitude_deg)
         (x0, y0), (dx, dy) = self.first_m, self.spacing_m

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
+from .arrays import HostArray, namespace
 from .geodesy import GRS80, Ellipsoid, dot, ecef, up
 from .rays import Rays
 
@@ -194,16 +195,17 @@ class FixedGrid:
 
     def angles_of(
         self,
-        latitude_deg: Float[np.ndarray, "*n"],
-        longitude_deg: Float[np.ndarray, "*n"],
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        latitude_deg: Float[HostArray, "*n"],
+        longitude_deg: Float[HostArray, "*n"],
+    ) -> tuple[Float[HostArray, "*n"], Float[HostArray, "*n"]]:
         """Return the scan angles x and y [radians] of places on the ground, infinite
         where the satellite does not see them.
         """
         line = self._line_m(latitude_deg, longitude_deg)
         hidden = dot(line, up(latitude_deg, longitude_deg)) >= 0
         x, y = self._angles_rad(line)
-        return np.where(hidden, np.inf, x), np.where(hidden, np.inf, y)
+        xp = namespace(line)
+        return xp.where(hidden, np.inf, x), xp.where(hidden, np.inf, y)
 
     def directions(
         self, x_rad: Float[np.ndarray, "*n"], y_rad: Float[np.ndarray, "*n"]
@@ -217,20 +219,20 @@ class FixedGrid:
             local = [np.cos(x) * np.cos(y), np.sin(x) * np.cos(y), np.sin(y)]
         return np.stack(local, axis=-1) @ self._axes
 
-    def _line_m(self, latitude_deg, longitude_deg) -> Float[np.ndarray, "*n 3"]:
+    def _line_m(self, latitude_deg, longitude_deg) -> Float[HostArray, "*n 3"]:
         """From the satellite to places on the ground."""
         sea_level = np.zeros(np.shape(latitude_deg))
-        return (
-            ecef(latitude_deg, longitude_deg, sea_level, self.ellipsoid)
-            - self.satellite_m
-        )
+        place = ecef(latitude_deg, longitude_deg, sea_level, self.ellipsoid)
+        satellite = self.satellite_m.reshape((1,) * (place.ndim - 1) + (3,))
+        return place - satellite
 
-    def _angles_rad(self, line_m) -> tuple[np.ndarray, np.ndarray]:
-        length_m = np.linalg.norm(line_m, axis=-1)
-        inward, east, north = np.moveaxis(line_m @ self._axes.T, -1, 0) / length_m
+    def _angles_rad(self, line_m) -> tuple[HostArray, HostArray]:
+        xp = namespace(line_m)
+        local = xp.moveaxis(line_m @ self._axes.T, -1, 0)
+        inward, east, north = local / xp.sqrt(dot(line_m, line_m))[None]
         if self.sweep == "x":
-            return np.arcsin(east), np.arctan2(north, inward)
-        return np.arctan2(east, inward), np.arcsin(north)
+            return xp.arcsin(east), xp.arctan2(north, inward)
+        return xp.arctan2(east, inward), xp.arcsin(north)
 
     def sample(
         self,

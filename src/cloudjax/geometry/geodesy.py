@@ -54,11 +54,13 @@ def dot(
 
 
 def up(
-    latitude_deg: Float[np.ndarray, "*n"], longitude_deg: Float[np.ndarray, "*n"]
-) -> Float[np.ndarray, "*n 3"]:
+    latitude_deg: Float[HostArray, "*n"], longitude_deg: Float[HostArray, "*n"]
+) -> Float[HostArray, "*n 3"]:
     """Return the unit normal of the ellipsoid (the geodetic vertical), ECEF."""
-    φ, λ = np.radians(latitude_deg), np.radians(longitude_deg)
-    return np.stack([np.cos(φ) * np.cos(λ), np.cos(φ) * np.sin(λ), np.sin(φ)], axis=-1)
+    xp = namespace(latitude_deg)
+    φ, λ = xp.radians(latitude_deg), xp.radians(longitude_deg)
+    level = xp.cos(φ)
+    return xp.stack([level * xp.cos(λ), level * xp.sin(λ), xp.sin(φ)], axis=-1)
 
 
 def east_north_up(
@@ -78,16 +80,17 @@ def east_north_up(
 
 
 def ecef(
-    latitude_deg: Float[np.ndarray, "*n"],
-    longitude_deg: Float[np.ndarray, "*n"],
-    altitude_m: Float[np.ndarray, "*n"],
+    latitude_deg: Float[HostArray, "*n"],
+    longitude_deg: Float[HostArray, "*n"],
+    altitude_m: Float[HostArray, "*n"],
     ellipsoid: Ellipsoid = GRS80,
-) -> Float[np.ndarray, "*n 3"]:
+) -> Float[HostArray, "*n 3"]:
     """Return the position [m], ECEF, at geodetic latitude, longitude and altitude."""
     normal = up(latitude_deg, longitude_deg)
     e2 = ellipsoid.eccentricity_squared
-    prime_vertical = ellipsoid.semi_major_m / np.sqrt(1 - e2 * normal[..., 2] ** 2)
-    axes = np.array([1.0, 1.0, 1 - e2])
+    xp = namespace(normal)
+    prime_vertical = ellipsoid.semi_major_m / xp.sqrt(1 - e2 * normal[..., 2] ** 2)
+    axes = np.array([1.0, 1.0, 1 - e2]).reshape((1,) * (normal.ndim - 1) + (3,))
     return (prime_vertical[..., None] * axes + altitude_m[..., None]) * normal
 
 
@@ -118,6 +121,18 @@ def vertical(
     # On the axis, where there is no meridian, cos φ is 0.
     outward = cos_φ / xp.maximum(xp.sqrt(x**2 + y**2), 1e-9)
     return xp.stack([outward * x, outward * y, sin_φ], axis=-1), altitude
+
+
+def angles_of(
+    upward: Float[HostArray, "*n 3"],
+) -> tuple[Float[HostArray, "*n"], Float[HostArray, "*n"]]:
+    """Return the geodetic latitude and longitude [degrees] of verticals, the inverse of
+    `up`.
+    """
+    xp = namespace(upward)
+    x, y, z = xp.moveaxis(upward, -1, 0)
+    latitude, longitude = xp.arctan2(z, xp.sqrt(x * x + y * y)), xp.arctan2(y, x)
+    return xp.degrees(latitude), xp.degrees(longitude)
 
 
 def _latitude(position_m, ellipsoid: Ellipsoid):

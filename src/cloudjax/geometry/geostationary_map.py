@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from .arrays import HostArray
 from .column_grid import ColumnGrid
 from .fixed_grid import FixedGrid
 from .geodesy import GRS80, Ellipsoid
@@ -45,9 +46,9 @@ class GeostationaryMap(AbstractMapProjection):
 
     def project(
         self,
-        latitude_deg: Float[np.ndarray, "*n"],
-        longitude_deg: Float[np.ndarray, "*n"],
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        latitude_deg: Float[HostArray, "*n"],
+        longitude_deg: Float[HostArray, "*n"],
+    ) -> tuple[Float[HostArray, "*n"], Float[HostArray, "*n"]]:
         """Return scan angles times the height [m]; infinite where the satellite does
         not see the place.
         """

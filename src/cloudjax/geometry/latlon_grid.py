@@ -1,5 +1,7 @@
 """Fields on regular grids of latitude and longitude are sampled bilinearly."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -175,13 +177,27 @@ class LatLonGrid(eqx.Module):
         numpy coordinates give a numpy result of their own precision, so that host code
         in float64 loses nothing to float32; all else, or a traced field, gives JAX.
         """
-        if isinstance(nodes, Tracer):
+        return self.sample_all([nodes], latitude_deg, longitude_deg)[0]
+
+    def sample_all(
+        self,
+        fields: Sequence[Float[AnyArray, "lat lon *channels"]],
+        latitude_deg: Float[AnyArray, "*points"],
+        longitude_deg: Float[AnyArray, "*points"],
+    ) -> list[Float[AnyArray, "..."]]:
+        """Interpolate some fields to the same places, as `sample` does one; channels
+        they need not have.
+        """
+        if any(isinstance(nodes, Tracer) for nodes in fields):
             latitude_deg = jnp.asarray(latitude_deg)
             longitude_deg = jnp.asarray(longitude_deg)
         elif isinstance(latitude_deg, np.ndarray):
-            nodes = np.asarray(nodes)
-        flat = nodes.reshape(-1, nodes.shape[-1])
-        return weighted_nodes(flat, self.corners(latitude_deg, longitude_deg))
+            fields = [np.asarray(nodes) for nodes in fields]
+        corners = self.corners(latitude_deg, longitude_deg)
+        return [
+            weighted_nodes(nodes.reshape(-1, *nodes.shape[2:]), corners)
+            for nodes in fields
+        ]
 
     def _at_pole(self) -> np.ndarray:
         return np.abs(self.latitude.values) > 90 - _UNIFORM * self.latitude.step

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from .arrays import HostArray, namespace
+
 
 # The sphere of WRF (share/module_model_constants.F).
 MODEL_RADIUS_M = 6_370_000.0
 
-Numbers = Float[np.ndarray, "*n"]
+Numbers = Float[HostArray, "*n"]
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,10 @@ class ConformalConic(AbstractMapProjection):
         self, latitude_deg: Numbers, longitude_deg: Numbers
     ) -> tuple[Numbers, Numbers]:
         """Return map coordinates [m] (Snyder 1987, eqs 15-1 and 14-4)."""
+        xp = namespace(latitude_deg)
         radius = self._scale_m * _polar_tangent(latitude_deg) ** -self.cone
-        angle = self.cone * np.radians(_wrapped(longitude_deg, self.longitude_deg))
-        return radius * np.sin(angle), -radius * np.cos(angle)
+        angle = self.cone * xp.radians(_wrapped(longitude_deg, self.longitude_deg))
+        return radius * xp.sin(angle), -radius * xp.cos(angle)
 
     def places(self, x_m: Numbers, y_m: Numbers) -> tuple[Numbers, Numbers]:
         """Return latitude and longitude [degrees]."""
@@ -126,8 +129,9 @@ class Mercator(AbstractMapProjection):
         self, latitude_deg: Numbers, longitude_deg: Numbers
     ) -> tuple[Numbers, Numbers]:
         """Return map coordinates [m] (Snyder 1987, eqs 7-1 and 7-2)."""
-        east = np.radians(_wrapped(longitude_deg, self.longitude_deg))
-        return self._scale_m * east, self._scale_m * np.log(
+        xp = namespace(latitude_deg)
+        east = xp.radians(_wrapped(longitude_deg, self.longitude_deg))
+        return self._scale_m * east, self._scale_m * xp.log(
             _polar_tangent(latitude_deg)
         )
 
@@ -163,9 +167,10 @@ class LatLonMap(AbstractMapProjection):
         self, latitude_deg: Numbers, longitude_deg: Numbers
     ) -> tuple[Numbers, Numbers]:
         """Return longitude and latitude of the turned globe times its radius [m]."""
+        xp = namespace(latitude_deg)
         latitude, longitude = self._turned(latitude_deg, longitude_deg)
-        east = np.radians(_wrapped(longitude, self.longitude_deg))
-        return MODEL_RADIUS_M * east, MODEL_RADIUS_M * np.radians(latitude)
+        east = xp.radians(_wrapped(longitude, self.longitude_deg))
+        return MODEL_RADIUS_M * east, MODEL_RADIUS_M * xp.radians(latitude)
 
     def places(self, x_m: Numbers, y_m: Numbers) -> tuple[Numbers, Numbers]:
         """Return latitude and longitude [degrees]."""
@@ -211,10 +216,11 @@ class LocalPlane(AbstractMapProjection):
         self, latitude_deg: Numbers, longitude_deg: Numbers
     ) -> tuple[Numbers, Numbers]:
         """Return the distances [m] to the east and to the north."""
+        xp = namespace(latitude_deg)
         east, north, up = self._local(latitude_deg, longitude_deg)
-        level = np.hypot(east, north)
-        per = MODEL_RADIUS_M * np.arctan2(level, up) / np.maximum(level, 1e-30)
-        per = np.where(level > 1e-12, per, MODEL_RADIUS_M)
+        level = xp.hypot(east, north)
+        per = MODEL_RADIUS_M * xp.arctan2(level, up) / xp.maximum(level, 1e-30)
+        per = xp.where(level > 1e-12, per, MODEL_RADIUS_M)
         return per * east, per * north
 
     def places(self, x_m: Numbers, y_m: Numbers) -> tuple[Numbers, Numbers]:
@@ -236,16 +242,18 @@ class LocalPlane(AbstractMapProjection):
         return np.arctan2(-(x1 - x0), y1 - y0)
 
     def _local(self, latitude_deg, longitude_deg):
-        φ, φ0 = np.radians(latitude_deg), np.radians(self.latitude_deg)
-        λ = np.radians(longitude_deg - self.longitude_deg)
-        out = np.cos(φ) * np.cos(λ)
-        north = np.sin(φ) * np.cos(φ0) - out * np.sin(φ0)
-        up = out * np.cos(φ0) + np.sin(φ) * np.sin(φ0)
-        return np.cos(φ) * np.sin(λ), north, up
+        xp = namespace(latitude_deg)
+        φ, φ0 = xp.radians(latitude_deg), np.radians(self.latitude_deg)
+        λ = xp.radians(longitude_deg - self.longitude_deg)
+        out = xp.cos(φ) * xp.cos(λ)
+        north = xp.sin(φ) * np.cos(φ0) - out * np.sin(φ0)
+        up = out * np.cos(φ0) + xp.sin(φ) * np.sin(φ0)
+        return xp.cos(φ) * xp.sin(λ), north, up
 
 
 def _polar_tangent(latitude_deg):
-    return np.tan(np.pi / 4 + np.radians(latitude_deg) / 2)
+    xp = namespace(latitude_deg)
+    return xp.tan(np.pi / 4 + xp.radians(latitude_deg) / 2)
 
 
 def _wrapped(longitude_deg, centre_deg: float):
@@ -259,8 +267,10 @@ def _east(longitude_deg):
 
 def _about_pole(latitude_deg, away_deg, pole_latitude_deg: float):
     """Latitude and longitude about another pole, longitudes from its own meridian."""
-    φ, λ, pole = (np.radians(x) for x in (latitude_deg, away_deg, pole_latitude_deg))
-    axis = np.sin(pole) * np.sin(φ) + np.cos(pole) * np.cos(φ) * np.cos(λ)
-    along = np.sin(pole) * np.cos(φ) * np.cos(λ) - np.cos(pole) * np.sin(φ)
-    longitude = np.degrees(np.arctan2(np.cos(φ) * np.sin(λ), along))
-    return np.degrees(np.arcsin(np.clip(axis, -1, 1))), longitude
+    xp = namespace(latitude_deg)
+    φ, λ = xp.radians(latitude_deg), xp.radians(away_deg)
+    pole = np.radians(pole_latitude_deg)
+    axis = np.sin(pole) * xp.sin(φ) + np.cos(pole) * xp.cos(φ) * xp.cos(λ)
+    along = np.sin(pole) * xp.cos(φ) * xp.cos(λ) - np.cos(pole) * xp.sin(φ)
+    longitude = xp.degrees(xp.arctan2(xp.cos(φ) * xp.sin(λ), along))
+    return xp.degrees(xp.arcsin(xp.clip(axis, -1, 1))), longitude

@@ -168,14 +168,20 @@ def path_from(
     ellipsoid: Ellipsoid = GRS80,
 ) -> Path:
     """Bring chords onto the device of which the vertical at the entry is known."""
-    ground_radius = curvature_radius(entry_up, rays.direction, ellipsoid)
+    radius = _radius_m(rays, entry_up, entry_altitude_m, ellipsoid)
     return Path(
         length_m=device_array(chords.length_m),
         entry_altitude_m=device_array(entry_altitude_m),
-        radius_m=device_array(ground_radius + entry_altitude_m),
+        radius_m=device_array(radius),
         direction=device_array(rays.direction),
         entry_up=device_array(entry_up),
     )
+
+
+@compiled_for_many("ellipsoid")
+def _radius_m(rays: Rays, entry_up, entry_altitude_m, ellipsoid: Ellipsoid):
+    ground_radius = curvature_radius(entry_up, rays.direction, ellipsoid)
+    return ground_radius + entry_altitude_m
 
 
 @compiled_for_many("ellipsoid")
@@ -313,4 +319,7 @@ def on_chord(
 
 def device_array(x: Float[HostArray, "..."]) -> Array:
     """Bring a host array onto the device in the default float of the running JAX."""
+    if isinstance(x, np.ndarray):
+        # Else JAX brings it over first, and converts it then.
+        x = x.astype(jnp.result_type(float), copy=False)
     return jnp.asarray(x, dtype=float)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .arrays import HostArray
-from .geodesy import GRS80, Ellipsoid, dot, geodetic, intersect, up
+from .geodesy import GRS80, Ellipsoid, angles_of, dot, intersect, vertical
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,7 @@ class Rays:
         Earth.
         """
         ground, hit = self.ground(ellipsoid)
-        vertical = up(ground.latitude_deg, ground.longitude_deg)
-        slant = -dot(vertical, self.direction)
+        slant = -dot(ground.upward, self.direction)
         width = self.pixel_rad * ground.distance_m
         return np.where(hit, width / np.sqrt(np.where(hit, slant, 1)), np.nan)
 
@@ -53,19 +52,25 @@ class Rays:
         A ray that misses gets its point of closest approach.
         """
         near, _, hit = intersect(self.origin_m, self.direction, ellipsoid)
-        latitude, longitude, _ = geodetic(self.at(near), ellipsoid)
-        return GroundPoints(latitude, longitude, near), hit & (near > 0)
+        upward, _ = vertical(self.at(near), ellipsoid)
+        return GroundPoints(*angles_of(upward), near, upward), hit & (near > 0)
 
 
 @dataclass(frozen=True)
 class GroundPoints:
-    """`GroundPoints` are geodetic positions on the ellipsoid, with their distances from
-    the sensor.
+    """`GroundPoints` are geodetic positions on the ellipsoid.
+
+    **Fields:**
+
+    - `latitude_deg`, `longitude_deg`: geodetic.
+    - `distance_m`: from the sensor.
+    - `upward`: the geodetic verticals, unit vectors, ECEF.
     """
 
     latitude_deg: Float[HostArray, " rays"]
     longitude_deg: Float[HostArray, " rays"]
     distance_m: Float[HostArray, " rays"]
+    upward: Float[HostArray, "rays 3"]
 
 
 @runtime_checkable

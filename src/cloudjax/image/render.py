@@ -220,8 +220,8 @@ def _shares(
     count = len(batch.index)
     if isinstance(batch.ways, Surroundings) or not batch.ways.of_sources:
         return np.zeros(count), np.zeros(count, int)
-    whole, each_way = (np.asarray(x)[..., :count] for x in _share(scene, batch.ways))
-    return whole, np.tensordot(2 ** np.arange(len(each_way)), each_way > 0, axes=1)
+    whole, kind = (np.asarray(x)[:count] for x in _share(scene, batch.ways))
+    return whole, kind
 
 
 def _march(scene: Scene, jobs, part: range, with_products: bool, on_tile=None):
@@ -282,7 +282,10 @@ def _seen_by_one(scene: Scene, view: View | Surroundings, *, with_products: bool
 @jax.jit
 def _share(scene: Scene, ways: Ways):
     layers = ways.of_sources, ways.layer_of
-    return cloud_share(scene, *layers), jnp.stack(shares_of_ways(scene, *layers))
+    each_way = shares_of_ways(scene, *layers)
+    # Beyond 31 ways some share a number, which only orders rays less well.
+    kind = sum((share > 0) * 2 ** (i % 31) for i, share in enumerate(each_way))
+    return cloud_share(scene, *layers), jnp.asarray(kind, int)
 
 
 _pick = jax.jit(lambda whole, index: jax.tree.map(lambda x: x[index], whole))

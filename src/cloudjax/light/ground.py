@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from cloudjax.geometry.fixed_grid import FixedGrid
-from cloudjax.geometry.geodesy import up
 from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid
 from cloudjax.geometry.path import device_array
 from cloudjax.geometry.rays import GroundPoints, Rays
@@ -65,8 +64,7 @@ class GroundSamples(eqx.Module):
         properties: Any = None,
     ) -> "GroundSamples":
         """Keep places with the height of the sun over them."""
-        vertical = up(places.latitude_deg, places.longitude_deg)
-        height = np.maximum(vertical @ sun_direction, 0)
+        height = np.maximum(places.upward @ sun_direction, 0)
         if altitude_m is None:
             altitude_m = np.zeros(len(hit))
         return cls(

@@ -18,13 +18,14 @@ class March(eqx.Module):
 
     **Fields:**
 
-    - `cloud_m`: length of the way through cloud, up to the end of each step.
+    - `ends_m`: length of the way through cloud, up to the ends of the steps, the first
+      of which is the entry.
     - `segment_m`: the same within each step.
     - `weights`: of the sub-pixel structures (the nodes).
     - `slopes`: of the cloud's surface; None where no normals are asked.
     """
 
-    cloud_m: Float[Array, "nodes rays steps"]
+    ends_m: Float[Array, "nodes rays ends"]
     segment_m: Float[Array, "nodes rays steps"]
     weights: Float[Array, " nodes"]
     slopes: Slopes | None
@@ -32,7 +33,12 @@ class March(eqx.Module):
     @property
     def depth_m(self) -> Float[Array, "nodes rays"]:
         """Length of the way through cloud, L of eq. (3)."""
-        return self.cloud_m[..., -1]
+        return self.ends_m[..., -1]
+
+    @property
+    def cloud_m(self) -> Float[Array, "nodes rays steps"]:
+        """Length of the way through cloud, up to the end of each step."""
+        return self.ends_m[..., 1:]
 
     def absorbed(
         self, extinction_per_m: Float[Array, ""]
@@ -40,9 +46,7 @@ class March(eqx.Module):
         """The share of the light looking back that each step stops: Σ = 1 - T."""
         # Not as a difference of the two lengths: it would leave derivatives of deep
         # cloud with the rounding of both, many times their own size.
-        ended = self.cloud_m[..., :-1]
-        entered = jnp.concatenate([jnp.zeros_like(self.cloud_m[..., :1]), ended], -1)
-        before = jnp.exp(-extinction_per_m * entered)
+        before = jnp.exp(-extinction_per_m * self.ends_m[..., :-1])
         return before * -jnp.expm1(-extinction_per_m * self.segment_m)
 
     def transmittance(
@@ -54,11 +58,10 @@ class March(eqx.Module):
 
         **Arguments:** `stopped`: a factor on what is taken from the light.
         """
-        through = jnp.exp(-extinction_per_m * self.cloud_m)
+        through = jnp.exp(-extinction_per_m * self.ends_m)
         if stopped is not None:
             through = 1 - stopped[..., None] * (1 - through)
-        through = self.mean(through)
-        return jnp.concatenate([jnp.ones_like(through[:, :1]), through], axis=-1)
+        return self.mean(through)
 
     def mean(self, per_node: Float[Array, "nodes *rest"]) -> Float[Array, "*rest"]:
         """The average over the sub-pixel structures."""
@@ -70,9 +73,11 @@ def march(occupancy: Occupancy, length_m: Float[Array, " rays"]) -> March:
     steps = occupancy.fraction.shape[-1]
     segment = occupancy.fraction * (length_m / steps)[None, :, None]
     # A product with ones is three times as fast as a running sum along the last axis.
-    so_far = jnp.triu(jnp.ones((steps, steps), segment.dtype))
-    cloud = jnp.matmul(segment, so_far, precision="highest")
-    return March(cloud, segment, occupancy.weights, occupancy.slopes)
+    # It makes the 0 at the entry, too: where that is put before the others XLA asks at
+    # each element of all that follows which it is, five times as slow.
+    before = jnp.triu(jnp.ones((steps, steps + 1), segment.dtype), 1)
+    ends = jnp.matmul(segment, before, precision="highest")
+    return March(ends, segment, occupancy.weights, occupancy.slopes)
 
 
 class FirstSurface(eqx.Module):

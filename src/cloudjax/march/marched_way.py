@@ -75,7 +75,8 @@ class MarchedWay(eqx.Module):
         for where, profile in zip(self.places, profiles, strict=True):
             if where is not None:
                 clear = clear * where.read(profile)
-        return clear
+        # XLA would read all profiles anew for each use.
+        return jax.lax.optimization_barrier(clear)
 
 
 def march_layers(scene: Scene, view: View) -> list[MarchedWay]:

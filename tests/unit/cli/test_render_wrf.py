@@ -89,7 +89,7 @@ def test_the_air_is_the_model_s_up_to_its_top(world):
     np.testing.assert_allclose(humidity[within], 0.01 / 1.01, rtol=1e-4)
     far = LEVELS_M > 40e3
     np.testing.assert_allclose(humidity[far], standard_humidity()[far], atol=1e-5)
-    ground = world.surface.temperature_k(*place)[0]
+    ground = world.surface.cover(*place).temperature_k[0]
     assert ground == pytest.approx(columns.temperature_k[0, 2, 3], abs=0.1)
 
 

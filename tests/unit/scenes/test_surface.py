@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cloudjax.geometry.geodesy import up
-from cloudjax.geometry.rays import GroundPoints, Rays
+from cloudjax.geometry.rays import Rays
 from cloudjax_data import read_weather
 from cloudjax_scenes.surface import SEA, SNOW, Surface
 from tests.generated import write_grib
@@ -80,7 +80,8 @@ def test_a_coast_lies_where_it_is():
 
 
 def test_reflectances_of_sea_and_land():
-    found = Surface.of().reflectance([3, 1, 6], *at(WATER["Pacific"], LAND["Kansas"]))
+    cover = Surface.of().cover(*at(WATER["Pacific"], LAND["Kansas"]))
+    found = cover.reflectance([3, 1, 6])
     assert found.shape == (3, 2)
     np.testing.assert_allclose(found[:, 0], [SEA[2], SEA[0], SEA[5]])
     # Land is brighter, most of all in the near infrared.
@@ -94,10 +95,10 @@ def test_reflectances_of_sea_and_land():
 )
 def test_cold_ground_and_sea_are_white(tmp_path, skin_k, snow):
     places = at(WATER["North Pole"], WATER["Pacific"])
-    cold = Surface.of(weather(tmp_path, t=skin_k))
-    np.testing.assert_allclose(cold.temperature_k(*places), skin_k, rtol=1e-4)
+    cold = Surface.of(weather(tmp_path, t=skin_k)).cover(*places)
+    np.testing.assert_allclose(cold.temperature_k, skin_k, rtol=1e-4)
     expected = snow * SNOW[1] + (1 - snow) * SEA[1]
-    found = cold.reflectance([2], *places)
+    found = cold.reflectance([2])
     np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
@@ -109,20 +110,21 @@ def test_without_a_skin_the_lowest_air_above_ground_counts(
     tmp_path, ground_m, expected_k
 ):
     surface = Surface.of(weather(tmp_path, orog=ground_m))
-    found = surface.temperature_k(*at((45.0, 200.0), (-10.0, -77.0)))
-    np.testing.assert_allclose(found, expected_k, atol=0.01)
+    found = surface.cover(*at((45.0, 200.0), (-10.0, -77.0)))
+    np.testing.assert_allclose(found.temperature_k, expected_k, atol=0.01)
 
 
 def test_without_weather_the_standard_temperature():
-    np.testing.assert_array_equal(Surface.of().temperature_k(*at((0, 0))), 288.15)
+    cover = Surface.of().cover(*at((0, 0)))
+    np.testing.assert_array_equal(cover.temperature_k, 288.15)
 
 
 def test_what_is_not_reflected_at_4_micrometres_is_emitted():
-    place = at((0.0, -140.0), (23.0, 10.0), (-89.0, 0.0))
-    (albedo,) = Surface.of().reflectance([7], *place)
+    cover = Surface.of().cover(*at((0.0, -140.0), (23.0, 10.0), (-89.0, 0.0)))
+    (albedo,) = cover.reflectance([7])
     assert albedo[0] == pytest.approx(SEA[6])
     assert 0.1 < albedo[1] < 0.2
-    emissivity = Surface.of().emissivity([13, 7], *place)
+    emissivity = cover.emissivity([13, 7])
     np.testing.assert_array_equal(emissivity[0], 1)
     np.testing.assert_allclose(emissivity[1], 1 - albedo)
 
@@ -132,10 +134,10 @@ def _glint(surface, *places):
     latitude, longitude = at(*places)
     vertical = up(latitude, longitude)
     rays = Rays(7e6 * vertical, -vertical, 1e-5)
-    places = GroundPoints(latitude, longitude, np.zeros(len(latitude)))
+    cover = surface.cover(latitude, longitude)
     return np.array(
         [
-            surface.glint([2], rays, places, sun_direction)[0, i]
+            cover.glint([2], rays, vertical, sun_direction)[0, i]
             for i, sun_direction in enumerate(vertical)
         ]
     )
