@@ -92,6 +92,8 @@ class JointScenes:
 
     def _fit(self, checkpoint: Checkpoint) -> int:
         inputs = [task.inputs() for task in self.fits]
+        # What is wrong with them is told before the fit.
+        others = [_fittable(task.inputs()) for task in self.tests]
         with Interruption() as interruption:
             scenes = [_fittable(one) for one in inputs]
             joint = _solved(scenes, self.sharing, interruption, checkpoint)
@@ -104,8 +106,8 @@ class JointScenes:
                 outcomes.append(outcome_of_fit(task.name, numbers, page=task.page))
                 _tell(outcomes[-1])
             tests = []
-            for task in self.tests:
-                tests.append(joint.tested(_fittable(task.inputs())))
+            for task, other in zip(self.tests, others, strict=True):
+                tests.append(joint.tested(other))
                 write_test(tests[-1], task.folder)
                 outcomes.append(outcome_of_test(task.name, tests[-1]))
                 _tell(outcomes[-1])
@@ -135,7 +137,7 @@ def _solved(
     interruption: Interruption,
     checkpoint: Checkpoint,
 ) -> JointFit:
-    name = f"{len(scenes)} scenes"
+    name = f"{len(scenes)} scene{'s' * (len(scenes) > 1)}"
     with fit_progress(name, scenes[0].settings.max_steps) as on_step:
         joint = joint_fit(
             scenes,

@@ -5,8 +5,8 @@ from .fit_inputs import FitInputs as FitInputs
 from .fit_inputs import read_inputs as read_inputs
 from .fit_result import FitResult as FitResult
 from .fit_settings import FitSettings as FitSettings
-from .fitting import fit as fit
 from .fittable_scene import FittableScene as FittableScene
+from .fitting import fit as fit
 from .histogram import Distances as Distances
 from .histogram import Quantiles as Quantiles
 from .histogram import distances as distances

@@ -48,7 +48,8 @@ def mean_profile(
 
     The US standard atmosphere where they cover none.
     """
-    kelvin, humidity = profiles(latitude_deg, longitude_deg)
+    found = profiles(latitude_deg, longitude_deg)
+    kelvin, humidity = (np.asarray(each) for each in found)
     known = np.isfinite(kelvin).all(axis=-1)
     if not known.any():
         return np.asarray(temperature_k(LEVELS_M), float), standard_humidity()

@@ -58,13 +58,6 @@ def test_heights_and_calibration_are_each_scenes_own(scenes):
         assert names == [p.name for p in scene.free]
 
 
-def _joined(scenes, sharing=SHARING):
-    joined = join(scenes, sharing)
-    problems = [scene.pose() for scene in scenes]
-    parameters = Parameters.of(joined.parameters)
-    return joined, problems, JointProblem.of(parameters, problems, joined.places)
-
-
 @pytest.fixture(scope="module")
 def alone(scenes, fitted):
     """Residuals, slopes and sums of each scene where the joint fit has ended."""
