@@ -5,12 +5,17 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
 
-.PHONY: demo test test-slow regression-update extremes lint docs check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
+.PHONY: demo test test-all test-slow regression-update extremes lint docs check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
 
 demo: $(VENV)/installed
 	$(BIN)/cloudjax demo -o out/demo
 
 test: $(VENV)/installed-dev
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
+		-m "not slow and not long"
+
+# What must pass before a change lands.
+test-all: $(VENV)/installed-dev
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
 		-m "not slow"
 
@@ -36,7 +41,7 @@ docs: $(VENV)/installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	$(BIN)/python tools/site/check.py out/site
 
-check: lint test docs
+check: lint test-all docs
 
 bench: $(VENV)/installed-peers
 	$(BIN)/python benchmarks/bench.py -o out/bench

@@ -31,6 +31,8 @@ for name, value in {
 
 import jax  # noqa: E402
 
+from tests import long_tests  # noqa: E402
+
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
@@ -103,6 +105,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="replace what tests/regression has stored, and say what moved",
     )
+    parser.addoption(
+        "--find-long-tests",
+        action="store_true",
+        help="write tests/long_tests.txt anew for the files that are run",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    # The worker of xdist that reports to nobody would write an empty list.
+    if config.getoption("find_long_tests") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(long_tests.Finder())
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    long_tests.mark(items)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -24,7 +24,6 @@ from cloudjax_scenes.quality import Quality
 from .cautions import missing_share
 from .condensate import OBSERVED_WATER, Condensate
 from .fit_result import FitResult
-from .histogram import Distances
 from .parameter_file import parameters_text
 from .parameters import Parameter
 from .report import (
@@ -35,6 +34,7 @@ from .report import (
     format_number,
     write_fit_report,
 )
+from .result_numbers import distance_numbers, estimate_numbers, plain
 from .texture import FEWEST_ROWS, TexturePair, texture
 from .uncertainty import Estimate
 from .versions import versions
@@ -275,36 +275,6 @@ def _band_numbers(
     } | ({"texture": textures.numbers()} if textures else {})
 
 
-def distance_numbers(distances: Distances, when: str) -> dict[str, float]:
-    """Return distances under names that end with when they are of."""
-    return {
-        f"w1_{when}": distances.w1,
-        f"w1_{when}_over_std": distances.w1_over_std,
-        f"ks_{when}": distances.ks,
-        f"bias_{when}": distances.bias,
-    }
-
-
-def estimate_numbers(estimate: Estimate) -> dict[str, Any]:
-    """Return all that is known of a fitted parameter."""
-    parameter = estimate.parameter
-    return {
-        "value": estimate.value,
-        "std": estimate.std,
-        "determined": estimate.determined,
-        "at_bound": estimate.at_bound,
-        "start": estimate.start,
-        "unit": parameter.unit,
-        "lower": parameter.lower,
-        "upper": parameter.upper,
-        "prior": {
-            "default": parameter.default,
-            "spread": parameter.spread,
-            "log": parameter.log,
-        },
-    }
-
-
 def _facts(result: FitResult) -> dict[str, str]:
     imagery, clouds = result.target.imagery, cloud_fractions(result)
     rows, columns = imagery.grid.shape
@@ -387,16 +357,3 @@ def _prior(parameter: Parameter) -> str:
 
 def _time(result: FitResult) -> str:
     return f"{result.target.imagery.time.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
-
-
-def plain(value: Any) -> Any:
-    """Return numbers as JSON knows them, None for what is not finite."""
-    if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -12,10 +12,11 @@ from cloudjax_scenes.image_file import image_dataset
 from cloudjax_scenes.netcdf import write_netcdf
 from cloudjax_scenes.quality import Quality
 
-from .fit_files import IMAGE, PARAMETERS, distance_numbers, estimate_numbers, plain
+from .fit_files import IMAGE, PARAMETERS
 from .fit_result import CONVERGED, NOT_CONVERGED
 from .joint_fitting import JointFit, TestedScene
 from .parameter_file import parameters_text
+from .result_numbers import distance_numbers, estimate_numbers, plain
 from .versions import versions
 
 
