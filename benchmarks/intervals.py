@@ -36,8 +36,9 @@ from cloudjax_scenes.simulated_image import simulate_image
 
 # Of the embedded scene: low cloud and cirrus over sea.
 ROWS, COLUMNS = slice(300, 420), slice(60, 180)
-# Of the instrument: of a radiance at albedo 1, and of a brightness temperature.
-SIGNAL_TO_NOISE, NOISE_K = 300.0, 0.1
+# Of the instrument (ABI's requirement): of a radiance at albedo 1 in bands of 1 km, of
+# which four make a pixel, and of a brightness temperature.
+SIGNAL_TO_NOISE, NOISE_K = 600.0, 0.1
 # Seeds of truths and of fits never meet.
 FIT_SEED = 1_000_000
 _SOLVERS: list[Solver] = []

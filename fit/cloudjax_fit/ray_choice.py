@@ -103,6 +103,18 @@ def _of_clusters(
             for arm in (np.concatenate([anchor, one], axis=1) for one in arms)
             for a, b in ends
         ]
-        pairs.append(np.concatenate(both, axis=1))
+        pairs.append(_along_the_image(np.concatenate(both, axis=1), clusters))
     counts = np.repeat(known, members).astype(float)
     return RayChoice(clusters.reshape(-1), counts, pairs, lags)
+
+
+def _along_the_image(
+    pairs: Int[np.ndarray, "2 n"], clusters: Int[np.ndarray, "clusters members"]
+) -> Int[np.ndarray, "2 n"]:
+    """Turn pairs so that they go to the right and down, as those of images do.
+
+    Increments have a sign, and images have slopes, of the sun's height alone.
+    """
+    return np.where(
+        np.diff(clusters.reshape(-1)[pairs], axis=0) < 0, pairs[::-1], pairs
+    )
