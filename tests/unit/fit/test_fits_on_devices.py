@@ -48,6 +48,7 @@ def _require_equal(found: list[np.ndarray], expected: list[np.ndarray]) -> None:
         np.testing.assert_allclose(one, other, atol=2e-4 * scale)
 
 
+@pytest.mark.slow
 def test_four_devices_fit_what_one_fits(expected, tmp_path):
     """Tolerance: rounding of float32."""
     (found,) = found_by(compared, tmp_path, devices=4)
