@@ -46,7 +46,13 @@ _OF_SCENES = ("parameters", "ignore_weather")
 @click.option("--parameters", metavar="FILE", help="Scene: parameters.toml of a fit.")
 @ignore_weather_option
 @classes_option
-@click.option("--time", type=Time(), help="UTC.  [default: of the weather]")
+@click.option(
+    "--time",
+    "times",
+    type=Time(),
+    multiple=True,
+    help="UTC; again for more, each in a folder of its own.  [default: of the weather]",
+)
 @click.option(
     "--centre", type=Place(), help="Of the box.  [default: of all but weather]"
 )
@@ -106,16 +112,24 @@ def x3d(scene, output, **options) -> None:
         volume=options["volume"],
     )
     flight = None if options["flight"] is None else read_flight(options["flight"])
-    sight = _sight(scene, options)
-    with tile_progress("march") as on_tile:
-        made = write_sky(
-            output,
-            sight,
-            settings,
-            flight=flight,
-            library=options["viewer"],
-            on_tile=on_tile,
-        )
+    times = dict.fromkeys(options.pop("times")) or (None,)
+    for time in times:
+        sight = _sight(scene, options | {"time": time})
+        alone = len(times) == 1
+        folder = Path(output) if alone else Path(output) / f"{time:%Y-%m-%dT%H%M}"
+        with tile_progress("march") as on_tile:
+            made = write_sky(
+                folder,
+                sight,
+                settings,
+                flight=flight,
+                library=options["viewer"],
+                on_tile=on_tile,
+            )
+        _tell(sight, made, folder / MANIFEST)
+
+
+def _tell(sight, made, manifest: Path) -> None:
     for note in sight.notes:
         click.echo(f"mind: {note}", err=True)
     seen = made["sectors"]["up"]["mean_opacity"]
@@ -123,7 +137,7 @@ def x3d(scene, output, **options) -> None:
         f"{made['clouds']} clouds on {made['sectors']['up']['boards'][0]} boards; from "
         f"above {seen['boards'][0]:.4f} opaque, the source {seen['source']:.4f}"
     )
-    click.echo(f"  {Path(output) / MANIFEST}")
+    click.echo(f"  {manifest}")
 
 
 def _sight(scene, options):

@@ -1,5 +1,6 @@
 """`cloudjax x3d`: what is refused, and that nothing is left then."""
 
+from datetime import timedelta
 from types import SimpleNamespace
 
 import pytest
@@ -107,6 +108,31 @@ def test_weather_reaches_the_boards(weather_folder, tmp_path, asked, monkeypatch
     assert world.decision.name == "table1"
     assert (box.latitude_deg, box.longitude_deg, box.size_m) == (20, -80, 50e3)
     assert (time, sun) == (NOON, None)
+
+
+def test_each_of_several_times_has_a_folder(weather_folder, tmp_path, monkeypatch):
+    written = {}
+    up = {"boards": [1], "mean_opacity": {"boards": [0.5], "source": 0.5}}
+
+    def write_sky(folder, sight, settings, **_):
+        written[folder.name] = sight.time
+        return {"clouds": 1, "sectors": {"up": up}}
+
+    monkeypatch.setattr(export, "write_sky", write_sky)
+    monkeypatch.setattr(
+        sights,
+        "sight_of_weather",
+        lambda world, box, time, sun: SimpleNamespace(time=time, notes=()),
+    )
+    files = [weather_folder / name for name in ("gfs.grib2", "classes.toml")]
+    given = "--weather", files[0], "--classes", files[1], "--centre", "20,-80"
+    times = NOON, NOON + timedelta(minutes=30)
+    asked = [x for time in times for x in ("--time", f"{time:%Y-%m-%dT%H:%M}")]
+    done = run("x3d", *given, *asked, "-o", tmp_path / "sky")
+    assert done.exit_code == 0, done.output
+    assert written == {f"{time:%Y-%m-%dT%H%M}": time for time in times}
+    run("x3d", *given, *asked[:2], "-o", tmp_path / "sky")
+    assert written.pop("sky") == NOON
 
 
 def test_a_flight_elsewhere_is_refused_before_any_work(model, tmp_path, asked):
