@@ -22,18 +22,21 @@ from resource import RUSAGE_CHILDREN, getrusage
 from tests.generated import write_abi_l1b
 from tests.scenes import write_scene
 
-from cloudjax_data import open_folder
+from cloudjax_data import DataError, open_folder
+from cloudjax_fit import read_inputs
 
 
 BANDS = (1, 3, 13)
-# Rows and columns of parts that a real scene is cut into.
-PARTS = (4, 2)
+# Rows and columns of parts that a real scene is cut into, and how many of them are
+# fitted, the cloudiest.
+PARTS = (6, 3)
+FITTED = 8
 # Of a made-up scene: enough for a fit that steps a few times.
 SMALL = ("--bands", "13", "--rays", "512", "--steps", "6", "--max-steps", "8")
 
 
 def _parts(folder: str, out: Path) -> list[Path]:
-    """Scene folders of the parts of a real scene, on the coarsest grid of its bands."""
+    """Scene folders of parts of a real scene, on the coarsest grid of its bands."""
     scene = open_folder(folder).read(BANDS).on_common_grid()
     made = []
     for i in range(PARTS[0] * PARTS[1]):
@@ -58,7 +61,15 @@ def _parts(folder: str, out: Path) -> list[Path]:
                 start=band.start,
                 platform=band.platform,
             )
-    return made
+    return sorted(made, key=_cloud_fraction)[-FITTED:]
+
+
+def _cloud_fraction(part: Path) -> float:
+    """None where there is too little to fit."""
+    try:
+        return read_inputs(part, bands=BANDS).target.cloud_fraction
+    except DataError:
+        return 0.0
 
 
 def _fit(scenes: list[Path], out: Path, *options: str) -> dict[str, float]:
