@@ -10,10 +10,9 @@ from .fit_result import FitResult
 from .fit_settings import FitSettings
 from .fittable_scene import FittableScene
 from .phases import Phases
-from .solver import OnStep, Solver
-from .solving import draw_starts, solve
+from .solver import OnStep
+from .solving import solve_and_estimate
 from .targets import Target
-from .uncertainty import estimate
 
 
 def fit(
@@ -46,11 +45,7 @@ def fit(
     scene = FittableScene.of(target, settings, analysis, overrides, classes)
     problem = scene.pose()
     phases.lap("prepare")
-    solver = Solver(problem, max_steps=settings.max_steps, on_step=on_step, stop=stop)
-    phases.lap("compile")
-    starts = draw_starts(scene.free, settings.starts, settings.seed)
-    best, status = solve(solver, problem, starts, checkpoint or Checkpoint())
-    phases.lap("solve")
-    found = estimate(problem, scene.free, starts[0], best, seed=settings.seed)
-    phases.lap("uncertainty")
-    return scene.result(best, status, *found, phases)
+    found = solve_and_estimate(
+        problem, scene.free, settings, phases, on_step, stop, checkpoint
+    )
+    return scene.result(*found, phases)

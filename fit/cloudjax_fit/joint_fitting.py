@@ -15,9 +15,9 @@ from .joint_problem import JointProblem
 from .parameters import Parameters
 from .phases import Phases
 from .sharing import JoinedParameters, Sharing, join
-from .solver import OnStep, Solution, Solver
-from .solving import draw_starts, solve
-from .uncertainty import Estimate, estimate
+from .solver import OnStep, Solution
+from .solving import solve_and_estimate
+from .uncertainty import Estimate
 
 
 # Of each scene: histograms of fewer are noise. A fit to one scene has four times as
@@ -142,14 +142,10 @@ def joint_fit(
         joined.places,
     )
     phases.lap("prepare")
-    solver = Solver(problem, max_steps=settings.max_steps, on_step=on_step, stop=stop)
-    phases.lap("compile")
-    starts = draw_starts(joined.parameters, settings.starts, settings.seed)
-    best, status = solve(solver, problem, starts, checkpoint or Checkpoint())
-    phases.lap("solve")
-    found = estimate(problem, joined.parameters, starts[0], best, seed=settings.seed)
-    phases.lap("uncertainty")
-    return JointFit(scenes, joined, best, status, *found, phases)
+    found = solve_and_estimate(
+        problem, joined.parameters, settings, phases, on_step, stop, checkpoint
+    )
+    return JointFit(scenes, joined, *found, phases)
 
 
 def _rays(rays: int, scenes: int) -> int:

@@ -1,7 +1,7 @@
-"""The best end of a solver, from several starts."""
+"""From a problem to its solution, from several starts, and how sure that is."""
 
 import functools as ft
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import jax.numpy as jnp
@@ -9,9 +9,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .checkpoint import Checkpoint
+from .fit_settings import FitSettings
 from .objective import AbstractProblem
 from .parameters import Parameter, unbounded_of
-from .solver import Progress, Solution, Solver
+from .phases import Phases
+from .solver import OnStep, Progress, Solution, Solver
+from .uncertainty import Estimate, estimate
 
 
 def draw_starts(
@@ -22,6 +25,32 @@ def draw_starts(
     rng = np.random.default_rng(seed)
     others = rng.standard_normal((count - 1, len(parameters)))
     return [first, *(jnp.asarray(z, first.dtype) for z in others)]
+
+
+def solve_and_estimate(
+    problem: AbstractProblem,
+    parameters: Sequence[Parameter],
+    settings: FitSettings,
+    phases: Phases,
+    on_step: OnStep | None,
+    stop: Callable[[], bool],
+    checkpoint: Checkpoint | None,
+) -> tuple[Solution, str, list[Estimate], list[str]]:
+    """Solve a problem, and say how sure its parameters are.
+
+    **Arguments:** `parameters`: those of the problem; the others as of
+    `cloudjax_fit.fit`.
+
+    **Returns:** the best solution, how it ended in words, and what `estimate` returns.
+    """
+    solver = Solver(problem, max_steps=settings.max_steps, on_step=on_step, stop=stop)
+    phases.lap("compile")
+    starts = draw_starts(parameters, settings.starts, settings.seed)
+    best, status = solve(solver, problem, starts, checkpoint or Checkpoint())
+    phases.lap("solve")
+    found = estimate(problem, parameters, starts[0], best, seed=settings.seed)
+    phases.lap("uncertainty")
+    return best, status, *found
 
 
 def solve(

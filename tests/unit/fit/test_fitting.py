@@ -260,8 +260,8 @@ def test_the_best_start_is_kept(target, monkeypatch, wins):
         taken.append((z_start, solution.z))
         raise StopIteration
 
-    monkeypatch.setattr("cloudjax_fit.fitting.Solver", OneOfThree)
-    monkeypatch.setattr("cloudjax_fit.fitting.estimate", stop)
+    monkeypatch.setattr("cloudjax_fit.solving.Solver", OneOfThree)
+    monkeypatch.setattr("cloudjax_fit.solving.estimate", stop)
     settings = replace(SETTINGS, starts=3, rays=20)
     with pytest.raises(StopIteration):
         fit(target, settings=settings, overrides=CHANGED, classes=KNOWN)
