@@ -169,7 +169,8 @@ def test_a_wall_casts_a_shadow_of_the_right_length(seen):
     turns above 1.1 km; darkest where the sun's ray crosses all of the wall, by two
     streams of its depth, 400 m/tan 60° times the extinction; no change in front of the
     wall and beyond the shadow. Tolerance: 250 m for its end, a step of the march and a
-    cell; 3 % for its depth; 1e-5 where nothing changes.
+    cell; 3 % for its depth; 1e-4 where nothing changes, for altitudes keep centimetres
+    of the deck's 200 m, and both ways lose the same ones or not as they are compiled.
     """
     x = jnp.arange(160)[:, None] * jnp.ones((1, 8))
     wall = _columns(1.0 * ((x >= 60) & (x < 64)), Shell(1200.0, 3000.0), 100.0)
@@ -183,7 +184,7 @@ def test_a_wall_casts_a_shadow_of_the_right_length(seen):
     end = 6400 + drop_m * np.sqrt(3)
     assert abs(east[(found < 0.99) & (east > 6500)].max() - end) < 250
     lit = (east < 5900) | (east > end + 250)
-    np.testing.assert_allclose(found[lit], 1, atol=1e-5)
+    np.testing.assert_allclose(found[lit], 1, atol=1e-4)
     b = (1 - ASYMMETRY) / 2
     expected = 1 / (1 + b * 0.05 * 400 / np.sqrt(3))
     middle = (east > end - 2500) & (east < end - 800)

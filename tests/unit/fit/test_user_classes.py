@@ -143,7 +143,7 @@ def test_a_scene_is_built_once_before_the_first_residual(scene, monkeypatch):
     monkeypatch.setattr(
         SceneFromImagery, "build", lambda self: built.append(self) or build(self)
     )
-    monkeypatch.setattr("cloudjax_fit.fitting.pose", _stop)
+    monkeypatch.setattr("cloudjax_fit.fittable_scene.pose", _stop)
     inputs = read_inputs(scene)
     assert not built
     with pytest.raises(StopIteration):
