@@ -36,9 +36,10 @@ from cloudjax_scenes.simulated_image import simulate_image
 
 # Of the embedded scene: low cloud and cirrus over sea.
 ROWS, COLUMNS = slice(300, 420), slice(60, 180)
-# Of the instrument (ABI's requirement): of a radiance at albedo 1 in bands of 1 km, of
-# which four make a pixel, and of a brightness temperature.
-SIGNAL_TO_NOISE, NOISE_K = 600.0, 0.1
+# Of the instrument, of a radiance at albedo 1 and of a brightness temperature: what
+# neighbouring pixels of GOES-17 differ by in the calmest places of a scene, in bands 1
+# and 3 (1 km) and in band 13. ABI's requirement is 300 and 0.1 K.
+SIGNAL_TO_NOISE, NOISE_K = 2000.0, 0.04
 # Seeds of truths and of fits never meet.
 FIT_SEED = 1_000_000
 _SOLVERS: list[Solver] = []

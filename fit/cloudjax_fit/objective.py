@@ -217,6 +217,9 @@ def pose(
     Rays are drawn from all good pixels: clouds must not come up where it is clear, and
     may where nothing is known.
 
+    They see several draws of the clouds. A fit to a single one finds what makes this
+    draw look like the image, which is not what its weather is like.
+
     **Arguments:**
 
     - `scene`: of the target's imagery, at the parameters' defaults.
@@ -227,7 +230,8 @@ def pose(
     """
     chosen = draw_rays(target, rays, seed, texture=texture)
     imagery, pixels = target.imagery, chosen.pixels
-    view = look(scene, imagery.grid.rays(pixels), sun_direction(imagery.time))
+    sun = sun_direction(imagery.time)
+    view = look(scene, imagery.grid.rays(pixels), sun, chosen.draw)
     block = block_of_pixels(imagery.grid.shape, target.blocks)[pixels]
     valid = target.block_valid
     statistics = target.statistics

@@ -15,6 +15,8 @@ from .targets import Target
 
 # Towards which an anchor may have its cluster, down and to the right.
 _DIRECTIONS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+# Of the clouds, that clusters see in turn (docs/decisions.md).
+DRAWS = 8
 # Tried in each part of an image.
 _ANCHORS = 8
 
@@ -34,6 +36,12 @@ class RayChoice:
     known: Float[np.ndarray, " rays"]
     pairs: list[Int[np.ndarray, "2 _"]]
     lags: tuple[int, ...]
+
+    @property
+    def draw(self) -> Int[np.ndarray, " rays"]:
+        """Which draw of the clouds each pixel sees, the same for all of a cluster."""
+        cluster = 2 * len(self.lags) + 1
+        return np.arange(len(self.pixels)) // cluster % DRAWS
 
 
 def draw_rays(target: Target, count: int, seed: int, *, texture: bool) -> RayChoice:

@@ -246,3 +246,20 @@ def test_gradients_of_ground_and_air_are_right():
     np.testing.assert_allclose(forward, reverse, rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(forward, np.stack(ends, -1), rtol=1e-5, atol=1e-8)
     assert np.abs(forward).max((0, 1)).min() > 1e-4
+
+
+def test_rays_see_the_draws_of_the_clouds_that_are_asked():
+    """Each what it sees of the scene drawn anew alone; layers and draws all differ."""
+    scene = _scene()
+    draw = np.arange(len(RAYS)) % 3
+    found = np.asarray(radiances(scene, look(scene, RAYS, SUN, draw)).reflective[0])
+    alone = np.array(
+        [
+            np.asarray(radiances(scene, _look(scene.drawn_anew(number))).reflective[0])
+            for number in range(3)
+        ]
+    )
+    np.testing.assert_array_equal(found, alone[draw, np.arange(len(RAYS))])
+    assert min(np.ptp(alone, axis=0)[alone[0] > alone.min()]) > 0
+    own = radiances(scene, _look(scene)).reflective
+    np.testing.assert_array_equal(alone[0], np.asarray(own)[0])

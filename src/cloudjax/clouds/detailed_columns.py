@@ -11,6 +11,7 @@ the exponent as well, in part as structures of the pixel (nodes).
 """
 
 import math
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -28,7 +29,7 @@ from .columns import AbstractColumns
 from .fractal import FractalCloud
 from .fractal_path import FractalPath
 from .fractal_samples import FractalSamples
-from .ladder import Ladder, amplitudes, rungs
+from .ladder import Ladder, amplitudes, rungs, seed_of_draw
 from .level_set import Latent
 from .noise import Gaussian, Noise
 from .rung_reader import NoiseOfRungs
@@ -156,6 +157,10 @@ class DetailedColumns(AbstractCloudSource):
     def extinction_per_m(self) -> float:
         """Of the layer, which an occupancy of 1 has."""
         return self.columns.extinction_per_m
+
+    def drawn_anew(self, number: int) -> "DetailedColumns":
+        """Return the same columns with the detail of another seed."""
+        return replace(self, seed=seed_of_draw(self.seed, number))
 
     def make_textures(self) -> NoiseOfRungs:
         """Make what the rungs are read from."""

@@ -29,7 +29,7 @@ from cloudjax.weather.masks import AbstractMask
 from .cloud_function import CloudFunction
 from .fractal_path import FractalPath
 from .fractal_samples import FractalSamples, held_alike
-from .ladder import Ladder, Rung, common_share, frames, kept, rungs
+from .ladder import Ladder, Rung, common_share, frames, kept, rungs, seed_of_draw
 from .level_set import Latent, level_set
 from .noise import bands, noise_bands
 from .rung_reader import NoiseOfRungs, RungReader
@@ -115,6 +115,10 @@ class FractalCloud(AbstractCloudSource):
     ) -> tuple[Float[np.ndarray, "rungs 3 3"], Float[np.ndarray, "rungs 3"]]:
         """How positions [m] become positions in the noise [periods], and shifts."""
         return frames(self.ladders, self.seed)
+
+    def drawn_anew(self, number: int) -> "FractalCloud":
+        """Return the clouds of another seed."""
+        return replace(self, seed=seed_of_draw(self.seed, number))
 
     def make_textures(self) -> NoiseOfRungs:
         """Make what the rungs are read from; the noise is made once and kept."""

@@ -30,6 +30,8 @@ _FEW = 4
 # Sub-pixel structure is taken for common over this part of a cloud's thickness, along
 # the ray: measured against many hard rays per pixel (docs/decisions.md).
 _COMMON_WAY = 0.35
+# Between the seeds of two draws of one cloud: layers of a scene have seeds nearby.
+_BETWEEN_DRAWS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,11 @@ def rungs(ladders: tuple[Ladder, ...]) -> tuple[Rung, ...]:
         for step, (i, j, wave_m) in enumerate(steps)
         for band in range(len(bands(ladders[i].noise)))
     )
+
+
+def seed_of_draw(seed: int, number: int) -> int:
+    """Return the seed of another draw of the clouds of a seed; draw 0 has itself."""
+    return seed + _BETWEEN_DRAWS * number
 
 
 @ft.cache

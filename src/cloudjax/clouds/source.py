@@ -77,6 +77,14 @@ class AbstractCloudSource(eqx.Module):
         """Make the data that `sample` reads; a source that reads none has none."""
         return ()
 
+    def drawn_anew(self, number: int) -> "AbstractCloudSource":
+        """Return another draw of the same clouds; a source without chance has one.
+
+        Draws differ in what `make_textures` and `navigate` return, not in structure.
+        """
+        del number
+        return self
+
     def points(self, sampling: Sampling) -> tuple[int, ...]:
         """Say how densely the source is read along the rays of a group.
 

@@ -1,5 +1,7 @@
 """Scenes: layers of cloud over ground, in air, seen in bands."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -117,6 +119,16 @@ class Scene(eqx.Module):
         groups = (self.reflective, self.emissive)
         numbers = (n for group in groups if group is not None for n in group.numbers)
         return tuple(dict.fromkeys(numbers))
+
+    def drawn_anew(self, number: int) -> "Scene":
+        """Return the scene with another draw of its clouds: other textures of the same
+        parameters, at the same places; number 0 is the scene itself.
+        """
+        layers = tuple(
+            replace(layer, cloud=layer.cloud.drawn_anew(number))
+            for layer in self.layers
+        )
+        return replace(self, layers=layers)
 
     def total(self, seen: BandRadiances) -> Float[Array, "bands rays"]:
         """Reflected and emitted radiance together, one row for each of `bands`."""

@@ -114,6 +114,7 @@ def look(
     scene: Scene,
     sight: Rays | Sensor,
     sun_direction: Float[np.ndarray, "3"],
+    draw: Int[np.ndarray, " rays"] | None = None,
 ) -> View:
     """Lay the rays of a sensor through a scene, on the host, once for many renders.
 
@@ -124,20 +125,29 @@ def look(
 
     - `sight`: the rays, or a sensor that has some (`Camera`, `FixedGrid`).
     - `sun_direction`: unit vector from the Earth to the sun, ECEF (`sun_over`).
+    - `draw`: which draw of the clouds each ray sees, see `Scene.drawn_anew`; by default
+      all see the scene's own, 0.
 
     **Raises:** `TypeError` for a scene of tracers: look before you differentiate.
     """
     require_concrete(scene, "look", "call it before jit, grad or vmap")
     rays = lines_of_sight(sight)
     groups, hold = _groups(scene, rays)
-    textures = make_textures(scene)
+    draw = np.zeros(len(rays), int) if draw is None else draw
     parts, order = [], []
-    for sampling, twice, members in groups:
-        for index, filled in tiles(members, _AT_ONCE):
-            ways = lay(scene, rays[filled], sun_direction, hold(sampling), twice=twice)
-            view = sample(scene, ways, textures)
-            parts.append(jax.tree.map(ft.partial(_first, len(index)), view))
-            order.append(index)
+    for number in np.unique(draw):
+        drawn = scene.drawn_anew(int(number))
+        textures = make_textures(drawn)
+        for sampling, twice, members in groups:
+            mine = members[draw[members] == number]
+            for index, filled in tiles(mine, _AT_ONCE):
+                ways = lay(
+                    drawn, rays[filled], sun_direction, hold(sampling), twice=twice
+                )
+                # What differs between draws is in their textures and ways.
+                view = sample(scene, ways, textures)
+                parts.append(jax.tree.map(ft.partial(_first, len(index)), view))
+                order.append(index)
     place = np.argsort(np.concatenate(order))
     return jax.tree.map(lambda *some: jnp.asarray(np.concatenate(some)[place]), *parts)
 
