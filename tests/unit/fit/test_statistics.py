@@ -9,7 +9,7 @@ from tests.small_fits import BLOCKS, SHAPE, flecked, small_imagery, small_target
 
 from cloudjax_fit.functionals import Increments, Pairs, Pixels, image_pairs
 from cloudjax_fit.observation import target_of
-from cloudjax_fit.ray_choice import draw_rays
+from cloudjax_fit.ray_choice import DRAWS, draw_rays
 from cloudjax_fit.statistics import EdgeShares, Histograms, MeanSquares
 from cloudjax_fit.targets import block_of_pixels
 
@@ -183,6 +183,19 @@ def test_rays_are_clusters_of_neighbours(large):
         ends = chosen.pixels[first], chosen.pixels[second]
         every = image_pairs(large.good, (lag,))[0]
         assert {*zip(*ends, strict=True)} <= {*map(tuple, every.T)}
+
+
+def test_neighbours_see_one_draw_of_the_clouds_and_all_draws_the_whole_image(large):
+    """Pairs are of one cloud; the rays of each draw are in all quarters of the image."""
+    chosen = draw_rays(large, 6000, 0, texture=True)
+    for first, second in chosen.pairs:
+        np.testing.assert_array_equal(chosen.draw[first], chosen.draw[second])
+    quarter = chosen.pixels // 80 * 4 // 96
+    count = np.zeros((DRAWS, 4))
+    np.add.at(count, (chosen.draw, quarter), 1)
+    assert count.min() > 0.5 * count.max()
+    alone = draw_rays(large, 500, 0, texture=False)
+    assert len(set(alone.draw)) == DRAWS
 
 
 def test_rays_leave_no_part_of_the_image_out(large):
