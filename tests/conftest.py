@@ -1,5 +1,6 @@
 """One regime for all tests: where the real files are, and JAX without surprises."""
 
+import ctypes
 import gc
 import os
 from importlib.metadata import version
@@ -9,12 +10,14 @@ import pytest
 
 
 ROOT = Path(__file__).parents[1]
-# Nearly all time of the suite is that of compiling, and these halve it. The variable is
+# Nearly all time of the suite is that of compiling, and these halve it; in one piece,
+# it takes less in all. The variable is
 # empty in `make test-slow`, which compiles as users do.
 QUICK = {
     "xla_cpu_use_fusion_emitters": "false",
     "xla_backend_optimization_level": "0",
     "xla_llvm_disable_expensive_passes": "true",
+    "xla_cpu_parallel_codegen_split_count": "1",
 }
 # Functions compiled by one test serve the others, in other processes and in later runs.
 # In the environment, for JAX reads it at its import, also in the processes that tests
@@ -29,6 +32,7 @@ for name, value in {
 }.items():
     os.environ.setdefault(name, value)
 
+import equinox as eqx  # noqa: E402
 import jax  # noqa: E402
 
 from tests import long_tests  # noqa: E402
@@ -36,22 +40,30 @@ from tests import long_tests  # noqa: E402
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-# Files that share more than compiled functions: a fit, an image, a server.
+# Files that share a fit, an image, a server, or all that they compile, which two
+# workers would compile at the same time.
 TOGETHER = {
     "tests/regression/test_fits.py": "fit",
     "tests/system/test_readme.py": "fit",
+    "tests/unit/fit/test_checkpoint.py": "small fits",
+    "tests/unit/fit/test_fitting.py": "small fits",
+    "tests/unit/source_contract/test_batches.py": "sources",
+    "tests/unit/source_contract/test_independence.py": "sources",
+    "tests/unit/source_contract/test_parameters.py": "sources",
     "tests/regression/test_images.py": "image",
     "tests/system/test_render_sensor.py": "image",
     "tests/system/fetch/test_fetch_failures.py": "fetch",
     "tests/system/fetch/test_fetch_scene.py": "fetch",
 }
 
-# Bytes that a process holds before it forgets what the tests of a file compiled: the
-# functions of all tests fill gigabytes.
-ENOUGH = 1.2e9
+# Bytes that a process holds before it forgets what the tests of a file compiled, and
+# what the test of a file that goes on: the functions of all tests fill gigabytes.
+ENOUGH, MUCH = 1.2e9, 2e9
 # Pieces of memory that it has mapped, of 65 530 that Linux allows: compiled functions
 # take some each, and a compiler that gets no more ends the process.
 MANY_MAPS = 30_000
+# What a file's own fixtures hold, which is no reason to forget again.
+kept = {"bytes": 0.0}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -62,15 +74,21 @@ def _forget_what_is_compiled():
 
 
 @pytest.fixture(autouse=True)
-def _keep_few_maps():
+def _hold_little():
     yield
-    if _maps() > MANY_MAPS:
+    if _maps() > MANY_MAPS or _resident_bytes() > MUCH + kept["bytes"]:
         _forget()
 
 
 def _forget() -> None:
+    eqx.clear_caches()
     jax.clear_caches()
     gc.collect()
+    # What is freed in small pieces glibc keeps for itself, which is half of all.
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+    kept["bytes"] = max(_resident_bytes() - ENOUGH, 0.0)
 
 
 def _maps() -> int:

@@ -3,9 +3,8 @@
 from cloudjax_fit import FitSettings, embedded_target, fit, write_fit
 
 target = embedded_target()
-settings = FitSettings(
-    rays=1024, steps=6, max_steps=10
-)  # small: a minute or two, mostly compiling
+# Small, and in the paper's light: a minute or two, mostly compiling.
+settings = FitSettings(rays=1024, steps=6, max_steps=10, light="paper")
 result = fit(target, settings=settings)
 for number, distance in result.distances_fit.items():
     band = target.imagery.bands[number]

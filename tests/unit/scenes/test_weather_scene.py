@@ -49,7 +49,9 @@ def analysis(folder: Path, **given):
 
 
 def world(*cubes, **settings) -> World:
-    return World(WeatherSeries.of(cubes), **settings)
+    """Of one class of cloud if no others are given, for each takes its time."""
+    one = {"low_stratus": cloud_classes()["low_stratus"]}
+    return World(WeatherSeries.of(cubes), **({"classes": one} | settings))
 
 
 def west_wind(speed_m_s: float = 40.0):

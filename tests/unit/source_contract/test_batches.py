@@ -22,23 +22,15 @@ from tests.unit.source_contract.contract import (
 
 
 @EACH_SOURCE
-def test_rays_one_by_one_are_the_batch(source):
-    scene = scene_of(source)
-    view = view_of(scene)
-    assert view.is_of_one_ray is False
-    alone = jax.jit(jax.vmap(radiances, in_axes=(None, 0)))(scene, view)
-    together = radiances(scene, view)
-    assert_close(jax.tree.map(jnp.transpose, alone), together, rtol=2e-5)
-
-
-@EACH_SOURCE
-def test_eight_scenes_at_once_are_eight_scenes(source):
+def test_scenes_at_once_and_rays_one_by_one_are_the_batch_of_each_scene(source):
     scene = scene_of(source)
     names, view = parameters_of(scene), view_of(scene)
+    assert view.is_of_one_ray is False
     x = np.random.default_rng(1).normal(size=(8, len(names)))
     scenes = [moved_by(scene, names, one) for one in x]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *scenes)
-    found = jax.jit(jax.vmap(radiances, in_axes=(0, None)))(stacked, view)
+    of_rays = jax.vmap(radiances, in_axes=(None, 0), out_axes=1)
+    found = jax.jit(jax.vmap(of_rays, in_axes=(0, None)))(stacked, view)
     each = [radiances(one, view) for one in scenes]
     expected = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
     assert_close(found, expected, rtol=2e-5)
