@@ -30,7 +30,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax.light.optics import LAST_SUNLIT_BAND
@@ -64,13 +64,13 @@ class GroundCover:
     **Fields:**
 
     - `land_share`: 0 at sea, 1 on land, at the nodes of `land_grid`; lakes are land.
-    - `kinds`: how much of the land is lakes, forest, soil, sand and ice, in fifteenths,
-      at the nodes of `grid`; the rest is grass and crops.
+    - `kinds`: how much of the land is lakes, forest, soil, sand and ice, at the nodes
+      of `grid`; the rest is grass and crops.
     """
 
     land_share: Float[np.ndarray, "rows columns"]
     land_grid: LatLonGrid
-    kinds: UInt8[np.ndarray, "5 lat lon"]
+    kinds: Float[np.ndarray, "5 lat lon"]
     grid: LatLonGrid
 
     def land_at(
@@ -95,7 +95,7 @@ class GroundCover:
         on = np.flatnonzero(land)
         if len(on):
             places = latitude_deg[on], longitude_deg[on]
-            kinds = np.stack(self.grid.sample_all([*self.kinds], *places)) / LEVELS
+            kinds = np.stack(self.grid.sample_all([*self.kinds], *places))
             for share, kind in zip(shares, [*kinds, 1 - kinds.sum(0)], strict=True):
                 share[on] += land[on] * kind
         return Ground(land, shares)
@@ -139,7 +139,7 @@ def ground_cover() -> GroundCover:
     packed = _read("land_share.npz", "share")
     level = np.stack([packed >> 4, packed & 15], axis=-1).reshape(len(packed), -1)
     share = (level / np.float32(_LAND_LEVELS)).astype(np.float32)
-    kinds = _read("ground_cover.npz", "shares")
+    kinds = _read("ground_cover.npz", "shares") / np.float32(LEVELS)
     return GroundCover(
         share,
         _cells(share.shape, _LAND_CELL_DEG),

@@ -8,7 +8,7 @@ City).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax
@@ -94,6 +94,20 @@ class Surface(AbstractMappedGround):
         """
         wind = np.full(grid.shape, MEAN_WIND_M_S) if wind_m_s is None else wind_m_s
         return cls(ground_cover(), air_k, height_m, wind, grid)
+
+    def towards(self, later: "Surface", weight: int | float) -> "Surface":
+        """Mix the skin's temperature and the wind with those of a later time.
+
+        **Arguments:** `later`: on the same grid. `weight`: of it, from 0 to 1.
+        """
+        kelvin, wind = (
+            (1 - weight) * one + weight * other
+            for one, other in (
+                (self.skin_k, later.skin_k),
+                (self.wind_m_s, later.wind_m_s),
+            )
+        )
+        return replace(self, skin_k=kelvin, wind_m_s=wind)
 
     def look(
         self, rays, places, hit, sun_direction, reflective, emissive

@@ -20,7 +20,7 @@ from cloudjax_data import (
     read_weather,
     sun_direction,
 )
-from cloudjax_scenes.surface import SEA
+from cloudjax_scenes.ground_cover import SEA
 from cloudjax_scenes.weather_decision import Table1
 from cloudjax_scenes.weather_scene import World
 from tests.generated_grib import write_grib
