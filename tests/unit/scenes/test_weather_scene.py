@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -33,7 +33,7 @@ SHAPE = LATITUDE.size, LONGITUDE.size
 BANDS = nominal_bands()
 
 
-def analysis(folder: Path, **given):
+def analysis(folder: Path, time: datetime = TIME, **given):
     """One air mass of 7 K/km, but for the fields that are given."""
     fields: dict[tuple[str, int], np.ndarray] = {}
     for level, height in LEVELS.items():
@@ -44,7 +44,7 @@ def analysis(folder: Path, **given):
             for name, value in values.items()
         }
     file = folder / "gfs.grib2"
-    write_grib(file, fields, latitude_deg=LATITUDE, longitude_deg=LONGITUDE, time=TIME)
+    write_grib(file, fields, latitude_deg=LATITUDE, longitude_deg=LONGITUDE, time=time)
     return read_weather(file)
 
 
@@ -157,6 +157,20 @@ def test_the_ground_is_dark_by_night_and_brighter_on_land(tmp_path):
         kelvin = scene.emissive.brightness_temperature_k(one.emissive)
         # 110 m at the lapse rate of the surface above 0 m.
         assert float(kelvin[0, 0]) == pytest.approx(300 - 0.77 + 0.715, abs=0.05)
+
+
+def test_the_ground_warms_from_one_analysis_to_the_next(tmp_path):
+    """Lowest air of 290 and 302 K, six hours apart; nothing is said of before."""
+    (tmp_path / "later").mkdir()
+    six_hours = timedelta(hours=6)
+    made = world(
+        analysis(tmp_path, t=290.0),
+        analysis(tmp_path / "later", TIME + six_hours, t=302.0),
+    )
+    at = np.array([23.0]), np.array([10.0])
+    for share, warmer_k in ((-1.0, 0.0), (0.0, 0.0), (0.25, 3.0), (1.0, 12.0)):
+        found = made.surface(TIME + share * six_hours).cover(*at).temperature_k
+        assert found == pytest.approx(290 + 0.715 + warmer_k, abs=0.01)
 
 
 def test_there_is_nothing_where_a_ray_misses_the_earth(tmp_path):
