@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -52,7 +53,7 @@ def world(*cubes, **settings) -> World:
     return World(WeatherSeries.of(cubes), **settings)
 
 
-def west_wind(speed_m_s: float = 40.0):
+def west_wind(speed_m_s: float = 40.0) -> dict[str, Any]:
     """Air that turns about the Earth's axis as a whole."""
     return {"u": speed_m_s * np.cos(np.radians(LATITUDE))[:, None]}
 
