@@ -162,7 +162,7 @@ class World:
             temperature=StandardAtmosphere() if self.air else self.temperature,
             air=Air.of_bands(numbers, profiles=self.profiles) if self.air else None,
             shadows=light.shadows(self.shadows),
-            ground=self.surface,
+            ground=self.surface(time),
         )
 
     def _layers(
@@ -233,10 +233,19 @@ class World:
             for name, one in self.classes.items()
         }
 
+    def surface(self, time: datetime) -> Surface:
+        """Return the ground as warm as in the analyses next to a time, linear between
+        two.
+        """
+        (i, _), *later = self.series.weights(time)
+        found = self._surfaces[i]
+        for j, weight in later:
+            found = found.towards(self._surfaces[j], weight)
+        return found
+
     @ft.cached_property
-    def surface(self) -> Surface:
-        """The ground, as warm as in the first analysis."""
-        return Surface.of(self.series.cubes[0])
+    def _surfaces(self) -> tuple[Surface, ...]:
+        return tuple(Surface.of(cube) for cube in self.series.cubes)
 
     @ft.cached_property
     def profiles(self) -> ProfileGrid:

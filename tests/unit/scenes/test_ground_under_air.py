@@ -9,7 +9,7 @@ from cloudjax import Scene, look, nominal_bands, radiances
 from cloudjax.geometry.geodesy import up
 from cloudjax_data import WeatherSeries, read_weather, sun_direction
 from cloudjax_scenes import LIGHTS, SceneFromImagery
-from cloudjax_scenes.surface import SEA
+from cloudjax_scenes.ground_cover import SEA
 from cloudjax_scenes.weather_scene import World
 from tests.generated import (
     EARTH_SUN_DISTANCE_AU,

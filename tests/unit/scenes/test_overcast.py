@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cloudjax_data import DataError, open_folder, read_weather
+from cloudjax_scenes.ground_cover import SEA
 from cloudjax_scenes.imagery_reduction import reduce_scene
-from cloudjax_scenes.surface import BARE, BARE_SHARE, SEA, VEGETATION
 from tests.generated import (
     DIALECT,
     EARTH_SUN_DISTANCE_AU,
@@ -80,13 +80,13 @@ def test_by_day_it_is_as_bright_as_the_table(tmp_path):
 
 
 def test_land_is_that_of_the_table(tmp_path):
-    """The desert and the fields of California, by day."""
+    """The desert and the fields of California, by day: an albedo of 0.25 to 0.35 at
+    0.87 µm by MODIS (Moody et al. 2005)."""
     edges = {"west_edge_rad": 0.0434, "north_edge_rad": 0.0966}
     scene = overcast(tmp_path / "scene", (3,), SCAN_START, **edges)
     imagery = reduce_scene(scene).imagery
-    land = BARE_SHARE * BARE[2] + (1 - BARE_SHARE) * VEGETATION[2]
     factor = np.median(imagery.background.radiance[3]) * kappa0(3)
-    assert factor == pytest.approx(land * np.cos(np.radians(47)) + 0.0075, rel=0.15)
+    assert factor == pytest.approx(0.3 * np.cos(np.radians(47)) + 0.0075, rel=0.15)
 
 
 @pytest.mark.parametrize("band", [8, 12, 16])

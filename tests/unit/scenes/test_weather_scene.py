@@ -2,8 +2,9 @@
 
 import dataclasses
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,7 +21,7 @@ from cloudjax_data import (
     read_weather,
     sun_direction,
 )
-from cloudjax_scenes.surface import SEA
+from cloudjax_scenes.ground_cover import SEA
 from cloudjax_scenes.weather_decision import Table1
 from cloudjax_scenes.weather_scene import World
 from tests.generated_grib import write_grib
@@ -33,7 +34,7 @@ SHAPE = LATITUDE.size, LONGITUDE.size
 BANDS = nominal_bands()
 
 
-def analysis(folder: Path, **given):
+def analysis(folder: Path, time: datetime = TIME, **given):
     """One air mass of 7 K/km, but for the fields that are given."""
     fields: dict[tuple[str, int], np.ndarray] = {}
     for level, height in LEVELS.items():
@@ -44,7 +45,7 @@ def analysis(folder: Path, **given):
             for name, value in values.items()
         }
     file = folder / "gfs.grib2"
-    write_grib(file, fields, latitude_deg=LATITUDE, longitude_deg=LONGITUDE, time=TIME)
+    write_grib(file, fields, latitude_deg=LATITUDE, longitude_deg=LONGITUDE, time=time)
     return read_weather(file)
 
 
@@ -54,7 +55,7 @@ def world(*cubes, **settings) -> World:
     return World(WeatherSeries.of(cubes), **({"classes": one} | settings))
 
 
-def west_wind(speed_m_s: float = 40.0):
+def west_wind(speed_m_s: float = 40.0) -> dict[str, Any]:
     """Air that turns about the Earth's axis as a whole."""
     return {"u": speed_m_s * np.cos(np.radians(LATITUDE))[:, None]}
 
@@ -141,7 +142,7 @@ def test_the_ground_is_dark_by_night_and_brighter_on_land(tmp_path):
     made = world(analysis(tmp_path), air=False)
     scene = made.scene([BANDS[3], BANDS[13]], TIME)
     assert scene.reflective is not None
-    places = {"land": (-5.0, -65.0), "sea": (0.0, -140.0), "night": (23.0, 100.0)}
+    places = {"land": (-5.0, -65.0), "sea": (0.0, -140.0), "night": (1.0, 114.0)}
     seen = {name: clear(scene, seen_from(*place)) for name, place in places.items()}
     per_radiance = float(scene.reflective.reflectance_per_radiance[0])
     factor = {
@@ -159,6 +160,20 @@ def test_the_ground_is_dark_by_night_and_brighter_on_land(tmp_path):
         kelvin = scene.emissive.brightness_temperature_k(one.emissive)
         # 110 m at the lapse rate of the surface above 0 m.
         assert float(kelvin[0, 0]) == pytest.approx(300 - 0.77 + 0.715, abs=0.05)
+
+
+def test_the_ground_warms_from_one_analysis_to_the_next(tmp_path):
+    """Lowest air of 290 and 302 K, six hours apart; nothing is said of before."""
+    (tmp_path / "later").mkdir()
+    six_hours = timedelta(hours=6)
+    made = world(
+        analysis(tmp_path, t=290.0),
+        analysis(tmp_path / "later", TIME + six_hours, t=302.0),
+    )
+    at = np.array([23.0]), np.array([10.0])
+    for share, warmer_k in ((-1.0, 0.0), (0.0, 0.0), (0.25, 3.0), (1.0, 12.0)):
+        found = made.surface(TIME + share * six_hours).cover(*at).temperature_k
+        assert found == pytest.approx(290 + 0.715 + warmer_k, abs=0.01)
 
 
 def test_there_is_nothing_where_a_ray_misses_the_earth(tmp_path):
