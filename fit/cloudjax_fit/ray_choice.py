@@ -39,9 +39,11 @@ class RayChoice:
 
     @property
     def draw(self) -> Int[np.ndarray, " rays"]:
-        """Which draw of the clouds each pixel sees, the same for all of a cluster."""
-        cluster = 2 * len(self.lags) + 1
-        return np.arange(len(self.pixels)) // cluster % DRAWS
+        """Which draw of the clouds each pixel sees: that of the anchor of its cluster,
+        whatever else is chosen.
+        """
+        members = 2 * len(self.lags) + 1
+        return np.repeat(self.pixels[::members] % DRAWS, members)
 
 
 def draw_rays(target: Target, count: int, seed: int, *, texture: bool) -> RayChoice:
