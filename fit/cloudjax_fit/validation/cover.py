@@ -1,11 +1,11 @@
 """Cloud cover of an image beside that of an analysis: means, by latitude, patterns."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from cloudjax.geometry.geodesy import MEAN_RADIUS_M
 from cloudjax_scenes.weather_evidence import layer_tops_hpa
@@ -141,6 +141,23 @@ def compare_covers(
         independent=float(np.average(independent, weights=area_m2)),
         topless=float(np.average(image["total"] - layered, weights=area_m2)),
     )
+
+
+def class_covers(
+    fraction: Pixels,
+    cloud_class: Int[np.ndarray, " pixels"],
+    class_names: Sequence[str],
+    area_m2: Pixels,
+) -> dict[str, float]:
+    """Return the cover of the pixels in which each class stops the most light, of the
+    whole area.
+    """
+    return {
+        name.replace("_", " "): float(
+            np.average(fraction * (cloud_class == number), weights=area_m2)
+        )
+        for number, name in enumerate(class_names, 1)
+    }
 
 
 class _Boxes:

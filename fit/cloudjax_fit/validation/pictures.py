@@ -3,6 +3,7 @@
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from cloudjax_fit import figures
 from cloudjax_fit.figures import AFTER, BEFORE, FAINT, INK, Curve
@@ -46,7 +47,7 @@ def latitude_figure(covers: Covers) -> str:
             axes.set_xlabel("cover (%)")
             if kind == KINDS[0]:
                 axes.set_ylabel("latitude (degrees north)")
-                axes.legend(loc="lower right")
+                figure.legend(loc="outside lower center", ncols=2)
         return figures.svg_uri(figure)
 
 
@@ -76,7 +77,13 @@ def types_figure(types: CloudTypes) -> str:
             axes.axvline(at, color=INK, linewidth=1)
         for i, names in enumerate(TYPES):
             for j, name in enumerate(names):
-                axes.text(right[j] + 0.06, down[i] + 0.3, name, fontsize=7.5)
+                axes.text(
+                    right[j] + 0.08,
+                    down[i] + 0.3,
+                    name,
+                    fontsize=7.5,
+                    bbox={"facecolor": "#ffffffc0", "edgecolor": "none", "pad": 1},
+                )
         axes.set_xlabel("optical depth")
         axes.set_ylabel("pressure at the top (hPa)")
         figure.colorbar(drawn, ax=axes, label="cover (%)")
@@ -116,8 +123,13 @@ def spectrum_figure(spectrum: RowSpectrum, words: str) -> str:
                 label=label,
             )
         axes.invert_xaxis()
-        axes.xaxis.set_major_formatter("{x:g}")
         axes.set_ylim(spectrum.power.min() / 3, spectrum.power.max() * 3)
+        # Plain labels at few places: powers of ten set as formulas take seconds.
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_major_formatter("{x:.0e}")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_minor_locator(NullLocator())
         axes.set_xlabel("wavelength (km)")
         axes.set_ylabel(f"power of the {words}")
         axes.legend()

@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from cloudjax import FixedGrid
 from cloudjax.geometry.geodesy import ecef
@@ -19,6 +19,7 @@ from cloudjax_fit.radiance_files import read_radiances
 
 # Fields that `cloudjax render SENSOR` writes beside the radiances of every sensor.
 PRODUCTS = ("cloud_fraction", "cloud_optical_depth", "cloud_top_height")
+_CLASS, _NAMES = "cloud_class", "flag_meanings"
 # From geostationary orbit a pixel takes 3.57 times the ground of one below the
 # satellite where the view is at 70 degrees from the vertical. Beyond, the sides of
 # clouds hide what is between them.
@@ -40,6 +41,8 @@ class SeenEarth:
       and as a mean over the pixel.
     - `top_m`: mean altitude of the cloud's tops [m], NaN without cloud.
     - `bands`: radiances by number, images of the same pixels.
+    - `cloud_class`: number of the class that stops the most light, 0 is none; named by
+      `class_names`, from 1. None and nothing in a file that does not tell.
     """
 
     name: str
@@ -50,6 +53,8 @@ class SeenEarth:
     optical_depth: Float[np.ndarray, "y x"]
     top_m: Float[np.ndarray, "y x"]
     bands: Mapping[int, BandRadiances]
+    cloud_class: Int[np.ndarray, "y x"] | None = None
+    class_names: tuple[str, ...] = ()
 
     @ft.cached_property
     def area_m2(self) -> Float[np.ndarray, "y x"]:
@@ -84,7 +89,7 @@ def read_seen_earth(path: str | PathLike[str]) -> SeenEarth:
             "--weather wrote."
         )
     bands = read_radiances(path)
-    fields = _fields(path)
+    fields, classes = _fields(path)
     shape = fields["cloud_fraction"].shape
     time = next((band.time for band in bands.values()), None)
     if time is None:
@@ -102,8 +107,11 @@ def read_seen_earth(path: str | PathLike[str]) -> SeenEarth:
         time,
         latitude,
         longitude,
-        *(fields[name] for name in PRODUCTS),
+        fields["cloud_fraction"],
+        fields["cloud_optical_depth"],
+        fields["cloud_top_height"],
         {n: band for n, band in bands.items() if band.values.shape == shape},
+        *classes,
     )
     if not seen.counted.any():
         raise DataError(f"{path} sees nothing of the Earth: render another view.")
@@ -121,7 +129,8 @@ def pixel_areas_m2(
     return np.linalg.norm(np.cross(down, across), axis=-1)
 
 
-def _fields(path: Path) -> dict[str, Float[np.ndarray, "y x"]]:
+def _fields(path: Path):
+    """Products and places by name, and what a `SeenEarth` has of classes."""
     import xarray as xr
 
     from cloudjax_data.plain_path import plain_path
@@ -136,13 +145,18 @@ def _fields(path: Path) -> dict[str, Float[np.ndarray, "y x"]]:
             for name in wanted
             if name in dataset.variables
         }
+        told = dataset.variables.get(_CLASS)
+        classes = None, ()
+        if told is not None and _NAMES in told.attrs:
+            names = tuple(str(told.attrs[_NAMES]).split())
+            classes = told.to_numpy().astype(int), names[1:]
     missing = [name for name in PRODUCTS if name not in fields]
     if missing:
         raise DataError(
             f"{path} has no {', '.join(missing)}: give a file that cloudjax render "
             "SENSOR --weather wrote, which has them always."
         )
-    return fields
+    return fields, classes
 
 
 def _places(path: Path, fields, bands: Mapping[int, BandRadiances]):

@@ -121,7 +121,7 @@ def row_spectrum(image: Num[np.ndarray, "y x"], pixel_km: float) -> RowSpectrum 
     shortest = max(SHORTEST_KM, _PIXELS * pixel_km)
     slope = _slope(wavelength, power, longest, shortest)
     fitted = float(longest), float(shortest)
-    return RowSpectrum(wavelength, power, slope, fitted, *rows.shape, pixel_km)
+    return RowSpectrum(wavelength, power, slope, fitted, len(rows), count, pixel_km)
 
 
 def _steps_km(latitude_deg, longitude_deg) -> Float[np.ndarray, " steps"]:

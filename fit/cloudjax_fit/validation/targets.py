@@ -63,9 +63,9 @@ def targets_of(
     """Judge an image: covers, patterns, anvils, and the spectrum of each band."""
     points = [
         Target(
-            f"{_named(kind)} of the image less the analysis's",
+            f"{_named(kind)}, image less analysis",
             f"within {MOST_POINTS:g} points",
-            f"{covers.whole[kind].points:+.1f} points",
+            _number(covers.whole[kind].points, "+.1f", " points"),
             covers.whole[kind].points,
             -MOST_POINTS,
             MOST_POINTS,
@@ -74,7 +74,7 @@ def targets_of(
     ]
     patterns = [
         Target(
-            f"pattern correlation of the {_named(kind)} at 2.5 degrees",
+            f"{_named(kind)}, pattern correlation at 2.5 degrees",
             f"at least {LEAST_CORRELATION:g}",
             _number(covers.correlation[kind], ".2f"),
             covers.correlation[kind],
@@ -107,7 +107,7 @@ def targets_of(
 
 
 def _named(kind: str) -> str:
-    return "total cover" if kind == "total" else f"cover of {kind} cloud as seen"
+    return "total cover" if kind == "total" else f"{kind} cloud as seen"
 
 
 def _number(value: float, form: str, unit: str = "") -> str:

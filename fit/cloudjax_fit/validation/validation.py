@@ -11,7 +11,7 @@ from cloudjax_data import WeatherCube
 from cloudjax_fit.band_radiances import BandRadiances
 
 from .cold_tops import ColdTops, cold_tops, window_band
-from .cover import Covers, compare_covers, seen_covers
+from .cover import Covers, class_covers, compare_covers, seen_covers
 from .isccp import CloudTypes, cloud_types
 from .seen_earth import MOST_STRETCH, SeenEarth
 from .spectra import FinestPart, RowSpectrum, finest_part, row_spectrum
@@ -58,6 +58,8 @@ class Validation:
     **Fields:**
 
     - `facts`: shown on top, in their order; `warnings`: sentences.
+    - `classes`: cover by the class that stops the most light, empty where the file does
+      not tell.
     - `tops`: None without a window band, or without tropics.
     - `targets`: what an Earth that could be a satellite's has to meet.
     """
@@ -66,6 +68,7 @@ class Validation:
     facts: Mapping[str, str]
     warnings: Sequence[str]
     covers: Covers
+    classes: Mapping[str, float]
     types: CloudTypes
     bands: Sequence[SplitBand]
     tops: ColdTops | None
@@ -79,6 +82,7 @@ class Validation:
             "warnings": list(self.warnings),
             "targets": [target.numbers() for target in self.targets],
             "cover": self.covers.numbers(),
+            "cover_by_class": dict(self.classes),
             "isccp": self.types.numbers(),
             "bands": {band.name: band.numbers() for band in self.bands},
             "cold_tops": None if self.tops is None else self.tops.numbers(),
@@ -127,6 +131,7 @@ def validate(
         facts=_facts(seen, cube, sky, counted),
         warnings=[late] if late else [],
         covers=covers,
+        classes=_classes(seen, counted, fraction, area),
         types=cloud_types(fraction, seen.optical_depth[counted], top_hpa, area),
         bands=shown,
         tops=tops,
@@ -147,6 +152,12 @@ def _split(band: BandRadiances, fraction, counted, part: FinestPart | None):
         cloudy=image[known & (fraction > CLOUDY_ABOVE)],
         spectrum=spectrum,
     )
+
+
+def _classes(seen: SeenEarth, counted, fraction, area_m2) -> dict[str, float]:
+    if seen.cloud_class is None:
+        return {}
+    return class_covers(fraction, seen.cloud_class[counted], seen.class_names, area_m2)
 
 
 def _words(band: BandRadiances) -> str:

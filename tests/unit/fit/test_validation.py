@@ -13,7 +13,7 @@ from cloudjax import FixedGrid
 from cloudjax.geometry.geodesy import MEAN_RADIUS_M
 from cloudjax_data import DataError, WeatherCube
 from cloudjax_fit.validation.cold_tops import cold_tops
-from cloudjax_fit.validation.cover import compare_covers, seen_covers
+from cloudjax_fit.validation.cover import class_covers, compare_covers, seen_covers
 from cloudjax_fit.validation.isccp import CLIMATOLOGY, TYPES, cloud_types
 from cloudjax_fit.validation.seen_earth import (
     MOST_STRETCH,
@@ -55,6 +55,10 @@ def _cube(**covers) -> WeatherCube:
     }
     axes = {"level": LEVELS, "latitude": latitude, "longitude": longitude}
     return WeatherCube(xr.Dataset(fields, axes), NOON, Path("gfs.grib2"))
+
+
+def _of_all_kinds(cover: np.ndarray) -> dict[str, np.ndarray]:
+    return dict.fromkeys(("total", "high", "middle", "low"), cover)
 
 
 def _places(step: float = 1.25):
@@ -169,9 +173,9 @@ def test_an_analysis_of_less_than_half_of_the_image_is_refused():
 
 def _compared(image, told):
     φ, λ, area = _places()
-    told = dict.fromkeys(("total", "high", "middle", "low"), told(φ, λ))
-    image = dict.fromkeys(told, image(φ, λ))
-    return compare_covers(image, told, told["total"], φ, λ, area)
+    cover = told(φ, λ)
+    kinds = _of_all_kinds(image(φ, λ)), _of_all_kinds(cover)
+    return compare_covers(*kinds, cover, φ, λ, area)
 
 
 def test_means_and_bands_are_weighted_by_area():
@@ -215,7 +219,7 @@ def test_boxes_of_which_little_is_seen_are_left_out():
     near = (np.abs(φ) < 10) & (np.abs(λ) < 10)
     # A row of boxes of which a fifth is seen.
     near |= (np.abs(φ) < 10) & (λ > 10) & (λ < 10.5)
-    kinds = dict.fromkeys(("total", "high", "middle", "low"), φ[near])
+    kinds = _of_all_kinds(φ[near])
     found = compare_covers(kinds, kinds, φ[near], φ[near], λ[near], area[near])
     assert found.boxes == 64
     few = compare_covers(
@@ -237,6 +241,16 @@ def test_layers_of_an_image_are_told_by_the_limits_of_the_analysis():
     np.testing.assert_allclose(found["middle"], [0.6, 0, 0, 0])
     np.testing.assert_allclose(found["low"], [0, 0, 0.8, 0])
     np.testing.assert_allclose(found["total"], [0.6, 0.7, 0.8, 0.04])
+
+
+def test_classes_cover_what_they_stop_the_light_of():
+    found = class_covers(
+        np.array([1.0, 0.5, 0.3]),
+        np.array([2, 1, 0]),
+        ("low", "high_ice"),
+        np.array([1.0, 2.0, 1.0]),
+    )
+    assert found == pytest.approx({"low": 0.25, "high ice": 0.25})
 
 
 # Types ------------------------------------------------------------------------------
@@ -372,7 +386,7 @@ def test_cold_tops_count_between_the_tropics_and_where_it_convects():
 
 def test_targets_are_met_and_missed_by_their_numbers():
     φ, λ, area = _places()
-    told = dict.fromkeys(("total", "high", "middle", "low"), 0.5 + φ / 300)
+    told = _of_all_kinds(0.5 + φ / 300)
     image = told | {"low": told["total"] + 0.06, "middle": told["total"] - 0.04}
     covers = compare_covers(image, told, told["total"], φ, λ, area)
     spectrum = row_spectrum(_rows(-2.2, 10.0), 10.0)
@@ -381,7 +395,7 @@ def test_targets_are_met_and_missed_by_their_numbers():
     verdicts = {
         next(k for k in ("low", "middle", "high", "total") if k in what): t.met
         for what, t in targets.items()
-        if "less the analysis" in what
+        if "less analysis" in what
     }
     assert verdicts == {"low": False, "middle": True, "high": True, "total": True}
     anvils = next(t for what, t in targets.items() if "convects" in what)
