@@ -341,6 +341,10 @@ def test_rows_that_are_short_or_broken_have_no_spectrum():
     broken = _rows(-2.0, 10.0)
     broken[3:, 5] = np.nan
     assert row_spectrum(broken, 10.0) is None
+    broken[7:, 5] = 0.0
+    rest = row_spectrum(broken, 10.0)
+    assert rest is not None
+    assert rest.rows == 36
     assert row_spectrum(np.ones((40, 20)), 10.0) is None
     short = row_spectrum(_rows(-2.0, 40.0, columns=32), 40.0)
     assert short is not None
