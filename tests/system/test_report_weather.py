@@ -68,7 +68,7 @@ def test_an_analysis_of_another_time_is_compared_when_that_is_allowed(
     """Of one band, which is enough for the others."""
     later = weather_folder / "later.grib2"
     said = sentence_of(_report(rendered, later, tmp_path))
-    assert "180 minutes apart" in said
+    assert "3.0 hours apart" in said
     assert "--allow-mismatch" in said
     asked = "--allow-mismatch", "--bands", "13"
     result = _report(rendered, later, tmp_path, *asked)

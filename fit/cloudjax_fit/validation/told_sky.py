@@ -148,7 +148,7 @@ def check_close(
         return ""
     said = (
         f"{cube.path} is of {cube.valid_time:%Y-%m-%d %H:%M} UTC and {name} of "
-        f"{time:%Y-%m-%d %H:%M}, {apart / timedelta(minutes=1):.0f} minutes apart"
+        f"{time:%Y-%m-%d %H:%M}, {_in_words(apart)} apart"
     )
     if not allow_mismatch:
         raise DataError(
@@ -156,6 +156,11 @@ def check_close(
             "--allow-mismatch."
         )
     return f"{said}: clouds have moved."
+
+
+def _in_words(apart: timedelta) -> str:
+    minutes = apart / timedelta(minutes=1)
+    return f"{minutes:.0f} minutes" if minutes < 100 else f"{minutes / 60:.1f} hours"
 
 
 class _Places:
