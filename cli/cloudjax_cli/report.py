@@ -5,15 +5,16 @@ from pathlib import Path
 import click
 
 from .options import BandList, Place, Time, refuse
+from .weather_report import PAGE, report_on_weather
 
 
-PAGE = "report.html"
-_OF_MODELS = ("time", "resolution_km", "place", "allow_mismatch")
+_OF_RENDERED_MODELS = ("time", "resolution_km", "place")
+_OF_MODELS = (*_OF_RENDERED_MODELS, "allow_mismatch")
 
 
 @click.command()
 @click.argument("a", metavar="A")
-@click.argument("b", metavar="B")
+@click.argument("b", metavar="[B]", required=False)
 @click.option("-o", "--output", required=True, metavar="DIR", help="For the report.")
 @click.option(
     "--bands", type=BandList(), help="Bands to compare.  [default: all that both have]"
@@ -28,17 +29,39 @@ _OF_MODELS = ("time", "resolution_km", "place", "allow_mismatch")
 )
 @click.option("--place", type=Place(), help="Model: centre of an ideal WRF run.")
 @click.option(
+    "--weather",
+    metavar="GRIB",
+    help="In place of B: the analysis by which A, an image of a sensor, was rendered.",
+)
+@click.option(
     "--allow-mismatch",
     is_flag=True,
-    help="Model: compare although its time or place is not that of the imagery.",
+    help="Model, weather: compare although its time or place is not that of the "
+    "imagery.",
 )
-def report(a, b, output, bands, **options) -> None:
-    """Compare two sets of radiances, band by band.
+def report(a, b, output, bands, weather, **options) -> None:
+    """Compare two sets of radiances, band by band, or an image with its weather.
 
     A and B are scene folders, ABI files or files that cloudjax wrote; A is taken as the
     observed one. One of them may be a weather model, a wrfout file: it is rendered as
-    the other one was seen. Writes report.html and report.json to DIR.
+    the other one was seen. With --weather there is no B: the clouds of A, a file of
+    cloudjax render SENSOR, are compared with the analysis's. Writes report.html and
+    report.json to DIR.
     """
+    if weather is not None:
+        if b is not None:
+            raise click.UsageError("--weather is in place of B: leave one of them out")
+        refuse(_OF_RENDERED_MODELS, options, "this is of a model beside imagery")
+        report_on_weather(
+            a, weather, Path(output), bands, allow_mismatch=options["allow_mismatch"]
+        )
+        return
+    if b is None:
+        raise click.UsageError("give B to compare A with, or --weather")
+    _compare(a, b, output, bands, options)
+
+
+def _compare(a, b, output, bands, options) -> None:
     import importlib.metadata
 
     from cloudjax_data.plain_path import printable

@@ -29,7 +29,7 @@ FILL = "#c3c8ce"
 N_BINS = 60
 THUMBNAIL = 500
 
-_RC: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "axes.edgecolor": FAINT,
     "axes.labelcolor": INK,
     "axes.labelsize": 9,
@@ -84,7 +84,7 @@ def density_figure(curves: Sequence[Curve], label: str) -> str:
     """
     low, high = _common_range(curves)
     edges = np.linspace(low, high, N_BINS + 1)
-    with matplotlib.rc_context(_RC):
+    with matplotlib.rc_context(STYLE):
         figure, axes = _figure()
         for curve in curves:
             _draw_density(axes, curve, edges)
@@ -93,7 +93,7 @@ def density_figure(curves: Sequence[Curve], label: str) -> str:
         axes.set_xlim(low, high)
         axes.set_ylim(bottom=0)
         axes.legend(loc="upper right")
-        return _svg_uri(figure)
+        return svg_uri(figure)
 
 
 def difference_figure(curves: Sequence[Curve], label: str) -> str:
@@ -107,7 +107,7 @@ def difference_figure(curves: Sequence[Curve], label: str) -> str:
     reference = curves[0].sample.cdf(radiance)
     differences = [(c, c.sample.cdf(radiance) - reference) for c in curves[1:]]
     reach = _reach([difference for _, difference in differences])
-    with matplotlib.rc_context(_RC):
+    with matplotlib.rc_context(STYLE):
         figure, axes = _figure()
         axes.axhline(0, color=FAINT, linewidth=0.8)
         for curve, difference in differences:
@@ -119,7 +119,7 @@ def difference_figure(curves: Sequence[Curve], label: str) -> str:
         axes.set_ylim(-reach, reach)
         if len(curves) > 1:
             axes.legend(loc="upper right")
-        return _svg_uri(figure)
+        return svg_uri(figure)
 
 
 def images_figure(
@@ -132,7 +132,7 @@ def images_figure(
     """
     thumbnails = [(title, _thumbnail(image)) for title, image in images]
     low, high = _common_scale([image for _, image in thumbnails])
-    with matplotlib.rc_context(_RC):
+    with matplotlib.rc_context(STYLE):
         height = 3.1 * max(_aspect(image) for _, image in thumbnails)
         size = (3.1 * len(images) + 0.9, min(max(height, 1.5), 4.5) + 0.3)
         figure = Figure(figsize=size, layout="compressed")
@@ -153,7 +153,7 @@ def images_figure(
 def texture_figure(textures: Sequence[tuple[str, Texture]], units: str) -> str:
     """Spectra and increments of images, as an SVG data URI."""
     strokes = [replace(REFERENCE, width=3.0), AFTER]
-    with matplotlib.rc_context(_RC):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(8.4, 3.1), layout="constrained")
         left, right = figure.subplots(1, 2)
         for (label, one), stroke in zip(textures, strokes, strict=False):
@@ -169,7 +169,7 @@ def texture_figure(textures: Sequence[tuple[str, Texture]], units: str) -> str:
             axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
             axes.xaxis.set_minor_locator(NullLocator())
             axes.legend()
-        return _svg_uri(figure)
+        return svg_uri(figure)
 
 
 def history_figure(losses: Sequence[float | int | np.floating]) -> str:
@@ -177,7 +177,7 @@ def history_figure(losses: Sequence[float | int | np.floating]) -> str:
     loss = np.asarray(losses, float)
     # A loss of zero, or one that is not finite, has no place on the axis.
     loss = np.where(np.isfinite(loss) & (loss > 0), loss, np.nan)
-    with matplotlib.rc_context(_RC):
+    with matplotlib.rc_context(STYLE):
         figure, axes = _figure()
         axes.plot(np.arange(loss.size), loss, marker=".", **_line(AFTER))
         if np.isfinite(loss).any():
@@ -185,7 +185,7 @@ def history_figure(losses: Sequence[float | int | np.floating]) -> str:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("step")
         axes.set_ylabel("loss")
-        return _svg_uri(figure)
+        return svg_uri(figure)
 
 
 def _figure() -> tuple[Figure, Axes]:
@@ -255,7 +255,8 @@ def _common_scale(images: Sequence[np.ndarray]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _svg_uri(figure: Figure) -> str:
+def svg_uri(figure: Figure) -> str:
+    """Return a figure as SVG in a data URI."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return _uri("image/svg+xml", buffer)

@@ -74,6 +74,20 @@ class SkyEvidence:
         return SkyEvidence(covers, quantities, said)
 
 
+def layer_tops_hpa(
+    latitude_deg: Float[np.ndarray, "*n"],
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    """Return the pressures [hPa] up to which cloud is low, and up to which it is
+    middle: those of the GFS, up to 45 degrees and linear from there to the poles.
+    """
+    polar = np.clip(np.abs(latitude_deg) / 45 - 1, 0, 1)
+    low, middle = (
+        equator + (pole - equator) * polar
+        for equator, pole in (_LOW_TOP_HPA, _MIDDLE_TOP_HPA)
+    )
+    return low, middle
+
+
 class _Source(ABC):
     """A way to find the cover of a layer."""
 
@@ -165,10 +179,8 @@ def _greatest(values: Levels, cube: WeatherCube, layer: str) -> Field:
 
 
 def _levels_of(cube: WeatherCube, layer: str) -> Bool[np.ndarray, "level lat lon"]:
-    polar = np.clip(np.abs(cube.data["latitude"].to_numpy()) / 45 - 1, 0, 1)[:, None]
     low, middle = (
-        equator + (pole - equator) * polar[None]
-        for equator, pole in (_LOW_TOP_HPA, _MIDDLE_TOP_HPA)
+        top[None, :, None] for top in layer_tops_hpa(cube.data["latitude"].to_numpy())
     )
     pressure = _hpa(cube)
     within = {
