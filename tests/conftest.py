@@ -52,6 +52,7 @@ TOGETHER = {
     "tests/unit/source_contract/test_parameters.py": "sources",
     "tests/regression/test_images.py": "image",
     "tests/system/test_render_sensor.py": "image",
+    "tests/system/test_report_weather.py": "image",
     "tests/system/fetch/test_fetch_failures.py": "fetch",
     "tests/system/fetch/test_fetch_scene.py": "fetch",
 }
