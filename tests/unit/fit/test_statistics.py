@@ -186,7 +186,7 @@ def test_rays_are_clusters_of_neighbours(large):
 
 
 def test_neighbours_see_one_draw_of_the_clouds_and_all_draws_the_whole_image(large):
-    """Pairs are of one cloud; the rays of each draw are in all quarters of the image."""
+    """Pairs are of one cloud; rays of each draw are in all quarters of the image."""
     chosen = draw_rays(large, 6000, 0, texture=True)
     for first, second in chosen.pairs:
         np.testing.assert_array_equal(chosen.draw[first], chosen.draw[second])
