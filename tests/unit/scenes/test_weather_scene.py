@@ -49,10 +49,10 @@ def analysis(folder: Path, time: datetime = TIME, **given):
     return read_weather(file)
 
 
-def world(*cubes, **settings) -> World:
+def world(*cubes, **settings: Any) -> World:
     """Of one class of cloud if no others are given, for each takes its time."""
-    one = {"low_stratus": cloud_classes()["low_stratus"]}
-    return World(WeatherSeries.of(cubes), **({"classes": one} | settings))
+    settings.setdefault("classes", {"low_stratus": cloud_classes()["low_stratus"]})
+    return World(WeatherSeries.of(cubes), **settings)
 
 
 def west_wind(speed_m_s: float = 40.0) -> dict[str, Any]:
