@@ -1,17 +1,16 @@
 """Whether a weather model and an image are of one time and place, and what if not."""
 
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 
 from cloudjax_data import DataError, WrfColumns, WrfFrame, WrfRun, read_wrf
 from cloudjax_scenes.model_overlap import Overlap, overlap_of, places_of
 from cloudjax_scenes.scene_places import scene_places, where
 
+from .time_apart import SLACK, in_words
 from .vantage import Vantage
 
 
-# Clouds of half an hour ago are still much the same; of an hour ago fewer are.
-SLACK = timedelta(minutes=30)
 # Either of the columns or of the image: a nest is a small part of a disc.
 LEAST_SHARE = 0.5
 _SAID = "%Y-%m-%d %H:%M UTC"
@@ -79,19 +78,8 @@ def _times(frame: WrfFrame, vantage: Vantage) -> str:
         return ""
     return (
         f"the model is of {frame.time.strftime(_SAID)} and the image of "
-        f"{vantage.time.strftime(_SAID)}, {_apart(apart)} apart"
+        f"{vantage.time.strftime(_SAID)}, {in_words(apart)} apart"
     )
-
-
-def _apart(time: timedelta) -> str:
-    """In the unit in which it is some, but not many."""
-    hours = time / timedelta(hours=1)
-    if hours < 2:
-        return f"{60 * hours:.0f} minutes"
-    if hours < 72:
-        return f"{hours:.1f} hours"
-    days = hours / 24
-    return f"{days:.0f} days" if days < 730 else f"{days / 365.25:.1f} years"
 
 
 def _shares(overlap: Overlap, columns: WrfColumns, vantage: Vantage) -> str:

@@ -74,18 +74,22 @@ class SkyEvidence:
         return SkyEvidence(covers, quantities, said)
 
 
-def layer_tops_hpa(
-    latitude_deg: Float[np.ndarray, "*n"],
-) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-    """Return the pressures [hPa] up to which cloud is low, and up to which it is
-    middle: those of the GFS, up to 45 degrees and linear from there to the poles.
+def layers_by_pressure(
+    hpa: Float[np.ndarray, "*#n"], latitude_deg: Float[np.ndarray, "*#n"]
+) -> dict[str, Bool[np.ndarray, "*n"]]:
+    """Tell in which of the layers low, middle and high pressures [hPa] are, by the
+    GFS's limits, up to 45 degrees and linear from there to the poles. NaN is in none.
     """
     polar = np.clip(np.abs(latitude_deg) / 45 - 1, 0, 1)
     low, middle = (
         equator + (pole - equator) * polar
         for equator, pole in (_LOW_TOP_HPA, _MIDDLE_TOP_HPA)
     )
-    return low, middle
+    return {
+        "low": hpa >= low,
+        "middle": (hpa < low) & (hpa >= middle),
+        "high": hpa < middle,
+    }
 
 
 class _Source(ABC):
@@ -179,16 +183,8 @@ def _greatest(values: Levels, cube: WeatherCube, layer: str) -> Field:
 
 
 def _levels_of(cube: WeatherCube, layer: str) -> Bool[np.ndarray, "level lat lon"]:
-    low, middle = (
-        top[None, :, None] for top in layer_tops_hpa(cube.data["latitude"].to_numpy())
-    )
-    pressure = _hpa(cube)
-    within = {
-        "low": pressure >= low,
-        "middle": (pressure < low) & (pressure >= middle),
-        "high": pressure < middle,
-    }
-    return within[layer]
+    latitude = cube.data["latitude"].to_numpy()[None, :, None]
+    return layers_by_pressure(_hpa(cube), latitude)[layer]
 
 
 def _heights_known(cube: WeatherCube) -> Bool[np.ndarray, "level lat lon"]:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from cloudjax.geometry.geodesy import MEAN_RADIUS_M
-from cloudjax_scenes.weather_evidence import layer_tops_hpa
+from cloudjax_scenes.weather_evidence import layers_by_pressure
 
 
 Pixels = Float[np.ndarray, " pixels"]
@@ -25,12 +25,7 @@ def seen_covers(
     """Return what each pixel shows of all cloud, and of high, middle and low cloud by
     the pressure at its top.
     """
-    low, middle = layer_tops_hpa(latitude_deg)
-    within = {
-        "high": top_hpa < middle,
-        "middle": (top_hpa >= middle) & (top_hpa < low),
-        "low": top_hpa >= low,
-    }
+    within = layers_by_pressure(top_hpa, latitude_deg)
     layers = {name: np.where(held, fraction, 0.0) for name, held in within.items()}
     return {"total": fraction, **layers}
 

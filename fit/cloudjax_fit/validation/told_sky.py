@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,13 +11,13 @@ from cloudjax.air.atmosphere import pressure_pa
 from cloudjax.geometry.geodesy import MEAN_RADIUS_M
 from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax_data import DataError, WeatherCube
+from cloudjax_fit.time_apart import SLACK, in_words
 from cloudjax_scenes.weather_evidence import SkyEvidence
 
 
 Pixels = Float[np.ndarray, " pixels"]
 # Of a Lambert map, when it is laid on latitudes and longitudes.
 _STEP_DEG = 0.25
-_CLOSE = timedelta(minutes=30)
 _LEAST_SHARE = 0.5
 # Below the lowest level that is given pressure grows by e over so many metres.
 _SCALE_M = 8e3
@@ -44,8 +44,7 @@ class ToldSky:
     @property
     def independent(self) -> Pixels:
         """Give the cover of all layers, were they independent, as a render has them."""
-        low, middle, high = (self.covers[name] for name in ("low", "middle", "high"))
-        return 1 - (1 - low) * (1 - middle) * (1 - high)
+        return _independent(self.covers)
 
     @property
     def seen(self) -> dict[str, Pixels]:
@@ -61,21 +60,23 @@ class ToldSky:
         }
 
 
+def _independent(covers: Mapping[str, Pixels]) -> Pixels:
+    return 1 - (1 - covers["low"]) * (1 - covers["middle"]) * (1 - covers["high"])
+
+
 def told_sky(cube: WeatherCube, latitude_deg: Pixels, longitude_deg: Pixels) -> ToldSky:
     """Find the sky of an analysis at places that it holds, linear between its own."""
     regular = cube.regular(_STEP_DEG)
     at = _Places(regular, latitude_deg, longitude_deg)
     sky = SkyEvidence.of(regular)
     covers = {name: at(cover) for name, cover in sky.covers.items()}
-    told = ToldSky(
-        covers, covers["low"], "", at(sky.quantities["deep_convection"]), sky.said
-    )
-    total, words = told.independent, "layers that are independent of each other"
+    convection = at(sky.quantities["deep_convection"])
+    total, words = _independent(covers), "layers that are independent of each other"
     if "cover_total" in regular.data:
         field = np.nan_to_num(regular.data["cover_total"].to_numpy().astype(float))
         mean = ", a mean over the hours before" if "cover_total" in cube.means else ""
         total, words = np.clip(at(field / 100), 0, 1), f"the file's total cover{mean}"
-    return ToldSky(covers, total, words, told.convection, sky.said)
+    return ToldSky(covers, total, words, convection, sky.said)
 
 
 def top_pressures_hpa(
@@ -144,11 +145,11 @@ def check_close(
     **Raises:** `DataError` if it is, more than half an hour, and that is not allowed.
     """
     apart = abs(cube.valid_time - time)
-    if apart <= _CLOSE:
+    if apart <= SLACK:
         return ""
     said = (
         f"{cube.path} is of {cube.valid_time:%Y-%m-%d %H:%M} UTC and {name} of "
-        f"{time:%Y-%m-%d %H:%M}, {_in_words(apart)} apart"
+        f"{time:%Y-%m-%d %H:%M}, {in_words(apart)} apart"
     )
     if not allow_mismatch:
         raise DataError(
@@ -156,11 +157,6 @@ def check_close(
             "--allow-mismatch."
         )
     return f"{said}: clouds have moved."
-
-
-def _in_words(apart: timedelta) -> str:
-    minutes = apart / timedelta(minutes=1)
-    return f"{minutes:.0f} minutes" if minutes < 100 else f"{minutes / 60:.1f} hours"
 
 
 class _Places:
