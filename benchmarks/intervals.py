@@ -66,8 +66,10 @@ class Twin:
         scene = FittableScene.of(target, settings)
         problem = scene.pose()
         start = jnp.zeros(len(scene.free))
-        solution = _solver(problem, settings.max_steps)(problem, start)
-        found, _ = estimate(problem, scene.free, start, solution, seed=settings.seed)
+        solver = _solver(problem, settings.max_steps)
+        solution = solver(problem, start)
+        quarters, seed = solver.quarters(problem, solution.z), settings.seed
+        found, _ = estimate(problem, scene.free, start, solution, quarters, seed=seed)
         return {
             "twin": self.number,
             "converged": solution.converged,

@@ -2,7 +2,9 @@
 
 The scene is rendered with the truth, given the noise of the instrument, packed into
 ABI L1b files, read back through the public reader and reduced to a target. What a
-histogram cannot know, where the weather is, the twin and its fit share.
+histogram cannot know, where the weather is and which draw of the clouds each pixel
+sees, the twin and its fit share: what is left is what the fit finds by itself. Against
+clouds of one draw it is benchmarks/intervals.py that measures fits.
 """
 
 from dataclasses import dataclass, replace
@@ -12,10 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from cloudjax import Scene
 from cloudjax_data import ReflectiveCalibration, open_folder
 from cloudjax_fit.objective import Problem, pose
 from cloudjax_fit.observation import observe
 from cloudjax_fit.parameters import Parameter, put_all, with_overrides
+from cloudjax_fit.ray_choice import DRAWS
 from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.targets import Target
 from cloudjax_scenes import Imagery, SceneFromImagery, simulate_image
@@ -24,7 +28,7 @@ from cloudjax_scenes.lights import PAPER
 from tests.generated import default_calibration, window, write_abi_l1b
 
 
-SHAPE = (84, 84)
+SHAPE = (60, 60)
 BANDS = (1, 3, 13)
 # As many as fits have: with half, the march leaves dents in the objective
 # (docs/decisions.md).
@@ -65,8 +69,7 @@ def make_twin(folder: Path, seed: int = 3) -> Twin:
     every = scene_parameters(made_of)
     free = [p for p in every if p.name in TRUTH]
     truth = put_all(scene, free, jnp.asarray([TRUTH[p.name] for p in free]))
-    image = simulate_image(truth, made_of)
-    _write(folder / "twin", {b: image.band(b) for b in BANDS}, seed)
+    _write(folder / "twin", _images(truth, made_of), seed)
     seen = _observed(folder / "twin")
     target = _with_weather(seen, weather)
     vague = {p.name: {"spread": 2 * p.spread} for p in free}
@@ -80,6 +83,13 @@ def make_twin(folder: Path, seed: int = 3) -> Twin:
         texture=False,
     )
     return Twin(target, problem, parameters)
+
+
+def _images(truth: Scene, made_of: SceneFromImagery) -> dict[int, np.ndarray]:
+    """Radiances by band; each pixel sees the draw of the clouds that fits see there."""
+    drawn = [simulate_image(truth.drawn_anew(n), made_of) for n in range(DRAWS)]
+    draw = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE) % DRAWS
+    return {b: np.choose(draw, [image.band(b) for image in drawn]) for b in BANDS}
 
 
 def _observed(folder: Path) -> Target:

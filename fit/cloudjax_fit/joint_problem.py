@@ -1,6 +1,7 @@
 """Several scenes as one problem: what they share has one value in all of them."""
 
 from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -78,6 +79,14 @@ class JointProblem(AbstractProblem):
         ]
         rows = [of_group.reshape(-1) for of_group, _ in found]
         return jnp.concatenate(rows), [sums for _, sums in found]
+
+    def quarter(self, number: int) -> "JointProblem":
+        """See `AbstractProblem`."""
+        groups = [
+            replace(group, problems=group.problems.quarter(number))
+            for group in self.groups
+        ]
+        return replace(self, groups=tuple(groups))
 
     def scenes(self, sums: Any) -> Iterator[tuple[Problem, list]]:
         """See `AbstractProblem`."""

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from cloudjax import FractalCloud, Scene, View, look, radiances
 from cloudjax.image.devices import shared_by_all
@@ -23,7 +23,7 @@ from cloudjax_scenes.cloud_rule import CloudRule
 
 from .functionals import Pairs, Pixels
 from .parameters import Parameter, Parameters
-from .ray_choice import draw_rays
+from .ray_choice import DRAWS, draw_rays
 from .statistics import Statistics
 from .targets import Target, block_of_pixels
 
@@ -36,6 +36,8 @@ BLOCK_SPREAD = 0.15
 BLOCK_FLOOR = 0.03
 # A block of which less than this share has been seen says less, in proportion.
 BLOCK_ENOUGH = 0.5
+# Of the draws of the clouds, between which the noise of a Jacobian shows.
+QUARTERS = 4
 
 
 class AbstractProblem(eqx.Module):
@@ -53,6 +55,12 @@ class AbstractProblem(eqx.Module):
         """Return all residuals but those of the priors, and the sums behind them."""
 
     @abc.abstractmethod
+    def quarter(self, number: int) -> "AbstractProblem":
+        """Return the same problem, of which only the rays that see a quarter of the
+        draws of the clouds move with the parameters.
+        """
+
+    @abc.abstractmethod
     def scenes(self, sums: Any) -> Iterator[tuple["Problem", list]]:
         """Yield the problem and the sums of each scene, in the order of residuals."""
 
@@ -66,6 +74,7 @@ class Problem(AbstractProblem):
     - `view`: of the rays; eq. (1) is linear in it, and no parameter changes it.
     - `statistics`: observed, that simulated ones are compared with.
     - `known`: 1 for rays that count, 0 for those that fill up.
+    - `draw`: of the clouds, that each ray sees; `moves`: whether it has derivatives.
     - `block_of_ray`, `block_rays`: the block of the image that each ray is in, and the
       number of rays in each block.
     - `pairs`: of rays that are neighbours.
@@ -78,6 +87,8 @@ class Problem(AbstractProblem):
     view: View
     statistics: Statistics
     known: Float[Array, " rays"]
+    draw: Int[Array, " rays"]
+    moves: Bool[Array, " rays"]
     block_of_ray: Int[Array, " rays"]
     block_rays: Float[Array, " blocks"]
     pairs: Pairs
@@ -99,6 +110,12 @@ class Problem(AbstractProblem):
         ]
         return jnp.concatenate([*found, _places(sums[-1][:, 0], self)]), sums
 
+    def quarter(self, number: int) -> "Problem":
+        """See `AbstractProblem`."""
+        moves = self.draw // (DRAWS // QUARTERS) == number
+        # Of several problems that are stacked, too, whose shapes `replace` refuses.
+        return eqx.tree_at(lambda problem: problem.moves, self, moves)
+
     def scenes(self, sums: list) -> Iterator[tuple["Problem", list]]:
         """See `AbstractProblem`."""
         yield self, sums
@@ -115,7 +132,12 @@ def simulate(
     """Radiances of the rays and the share of each that is selected as cloud."""
     seen = _seen(values, problem)
     scene = problem.parameters.put(problem.scene, values)
-    return seen, problem.rule.weights(seen, scene)
+    weights = problem.rule.weights(seen, scene)
+
+    def held(each):
+        return jnp.where(problem.moves, each, jax.lax.stop_gradient(each))
+
+    return held(seen), held(weights)
 
 
 @eqx.filter_custom_jvp
@@ -240,6 +262,8 @@ def pose(
         view=view,
         statistics=statistics if chosen.lags else statistics.values_alone(),
         known=jnp.asarray(chosen.known, float),
+        draw=jnp.asarray(chosen.draw),
+        moves=jnp.ones(len(pixels), bool),
         block_of_ray=jnp.asarray(block),
         block_rays=jnp.asarray(
             np.bincount(block, chosen.known, minlength=len(valid)), float

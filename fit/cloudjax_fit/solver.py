@@ -13,7 +13,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .objective import AbstractProblem, residuals_and_sums
+from .objective import QUARTERS, AbstractProblem, residuals_and_sums
 
 
 # Of a prior's standard deviation, and of a residual's: a step that changes less is no
@@ -174,6 +174,21 @@ class Solver:
             seconds=time.perf_counter() - started,
             interrupted=not self._is_over(at),
         )
+
+    def quarters(
+        self, problem: AbstractProblem, z: Float[np.ndarray, " parameters"]
+    ) -> Float[np.ndarray, "quarters residuals parameters"]:
+        """Return the Jacobian of the residuals by quarters of the draws of the clouds;
+        those of the data, but not those of the priors, add up to the whole one.
+        """
+        start = self.begin(jnp.asarray(z))
+        found = []
+        for number in range(QUARTERS):
+            # The first step begins with the Jacobian where it starts.
+            _, state, _ = self._compiled(start.z, start.state, problem.quarter(number))
+            ended: Any = eqx.combine(state, self._static)
+            found.append(np.asarray(_as_matrix(ended.f_info.jac), float))
+        return np.stack(found)
 
     def _advance(self, at: Progress, problem: AbstractProblem) -> Progress:
         z, state, facts = self._compiled(at.z, at.state, problem)

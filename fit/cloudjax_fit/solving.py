@@ -48,7 +48,8 @@ def solve_and_estimate(
     starts = draw_starts(parameters, settings.starts, settings.seed)
     best, status = solve(solver, problem, starts, checkpoint or Checkpoint())
     phases.lap("solve")
-    found = estimate(problem, parameters, starts[0], best, seed=settings.seed)
+    quarters = solver.quarters(problem, best.z)
+    found = estimate(problem, parameters, starts[0], best, quarters, seed=settings.seed)
     phases.lap("uncertainty")
     return best, status, *found
 

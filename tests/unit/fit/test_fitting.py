@@ -264,7 +264,10 @@ def test_the_best_start_is_kept(target, monkeypatch, wins):
             end = np.asarray(z) + i
             return Solution(end, converged, f"{i}", none, [], (9.0, loss), 0.1)
 
-    def stop(problem, parameters, z_start, solution, *, seed):
+        def quarters(self, problem, z):
+            return np.zeros((4, 1, len(z)))
+
+    def stop(problem, parameters, z_start, solution, quarters, *, seed):
         taken.append((z_start, solution.z))
         raise StopIteration
 
@@ -311,6 +314,22 @@ def test_the_jacobian_of_a_solution_is_that_of_the_residuals(
 
     expected = slopes(jnp.asarray(solution.z), jnp.asarray(along, z.dtype))
     np.testing.assert_allclose(solution.jacobian @ along, expected, atol=2e-3)
+
+
+def test_quarters_of_the_draws_share_a_jacobian(posed, solver):
+    """What rays of a quarter move by themselves; of all rays it is the sum of them."""
+    problem, _ = posed
+    z = np.full(len(problem.parameters), 0.3, np.float32)
+    quarters = solver.quarters(problem, z)
+    whole = np.asarray(jax.jit(jax.jacfwd(residuals))(jnp.asarray(z), problem))
+    data = slice(0, -len(z))
+    tolerance = 2e-3 * np.abs(whole).max(0)
+    assert (np.abs(quarters.sum(0) - whole)[data] < tolerance).all()
+    priors = np.broadcast_to(whole[-len(z) :], quarters[:, -len(z) :].shape)
+    np.testing.assert_allclose(quarters[:, -len(z) :], priors, rtol=1e-6)
+    first = solver.quarters(replace(problem, draw=0 * problem.draw), z)
+    assert (np.abs(first[0] - whole) < tolerance).all()
+    assert not first[1:, data].any()
 
 
 LEAPS = [980.0, 985.0, 979.0, 978.0, 975.0]

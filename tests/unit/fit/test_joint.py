@@ -14,7 +14,7 @@ from cloudjax_fit.fit_settings import FitSettings
 from cloudjax_fit.fittable_scene import FittableScene
 from cloudjax_fit.joint_fitting import JointFit, joint_fit
 from cloudjax_fit.joint_problem import JointProblem
-from cloudjax_fit.objective import residuals_and_sums
+from cloudjax_fit.objective import QUARTERS, residuals_and_sums
 from cloudjax_fit.parameters import Parameters
 from cloudjax_fit.sharing import Sharing, join, read_sharing
 from cloudjax_fit.solver import Solution
@@ -140,7 +140,8 @@ def test_two_scenes_know_more_than_one(scenes, alone):
         stacked = [[np.stack([one] * times) for one in sums]]
         solution = Solution(np.zeros(count), True, "", jacobian, stacked, (1.0,), 0.0)
         z = jnp.zeros(count)
-        found, _ = estimate(joint, joined.parameters, z, solution, seed=0)
+        quarters = np.stack([jacobian / QUARTERS] * QUARTERS)
+        found, _ = estimate(joint, joined.parameters, z, solution, quarters, seed=0)
         stds.append({e.parameter.name: e.std for e in found}["low.extinction"])
     assert stds[1] / stds[0] == pytest.approx(np.sqrt(0.5), rel=0.01)
 

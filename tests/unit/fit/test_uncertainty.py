@@ -18,6 +18,7 @@ from tests.small_fits import (
 )
 
 from cloudjax_fit.objective import (
+    QUARTERS,
     pose,
     residuals,
     residuals_and_sums,
@@ -58,7 +59,14 @@ def posed():
 def found(posed):
     free, problem, *_ = posed
     z = unbounded_of(free)
-    return estimate(problem, free, z, _solution(problem, z), seed=0)
+    return _estimate(problem, free, _solution(problem, z))
+
+
+def _estimate(problem, free, solution, noise=0.0):
+    """Of a Jacobian of which each quarter is a quarter, but for noise."""
+    z, quarter = unbounded_of(free), solution.jacobian / QUARTERS
+    signs = np.array([1, -1, 1, -1])[:, None, None]
+    return estimate(problem, free, z, solution, quarter + signs * noise, seed=0)
 
 
 def _solution(problem, z) -> Solution:
@@ -145,7 +153,7 @@ def test_deviations_are_those_of_fits_to_resampled_images(posed, found, resample
 
 def _spread(problem, free):
     z = unbounded_of(free)
-    estimates, _ = estimate(problem, free, z, _solution(problem, z), seed=0)
+    estimates, _ = _estimate(problem, free, _solution(problem, z))
     return {e.parameter.name: e.std for e in estimates}
 
 
@@ -174,8 +182,8 @@ def test_what_both_sides_share_is_no_doubt(posed):
     known = _solution(problem, z)
     shared = [np.asarray(one.observed, float) for one in problem.statistics.all]
     assert all(some.std(0).max() > 0 for some in shared)
-    equal, _ = estimate(problem, free, z, replace(known, sums=shared), seed=0)
-    whole, _ = estimate(problem, free, z, known, seed=0)
+    equal, _ = _estimate(problem, free, replace(known, sums=shared))
+    whole, _ = _estimate(problem, free, known)
     for one, other in zip(equal, whole, strict=True):
         # What is left comes from the rows of blocks and priors.
         if one.parameter.name == "air.gain_C01":
@@ -188,10 +196,38 @@ def test_a_parameter_that_rounding_puts_onto_its_bound_stands_there(posed):
     z = unbounded_of(free).at[1].set(1e4)
     known = _solution(problem, z)
     assert not known.jacobian[:, 1].any()
-    estimates, _ = estimate(problem, free, z, known, seed=0)
+    estimates, _ = _estimate(problem, free, known)
     assert [e.at_bound for e in estimates] == [False, True, False, False]
     assert not estimates[1].determined
     assert np.isfinite([e.std for e in estimates]).all()
+
+
+def test_noise_of_the_jacobian_is_no_knowledge(posed):
+    """Quarters of (1 ± s)/4: of the square of their sum s²/3 is noise, and a parameter
+    is known by so much less, or, where nothing is left, as by its prior.
+
+    Tolerance: 2 %, for the prior, vague, has a say.
+    """
+    free, problem, *_ = posed
+    solution = _solution(problem, unbounded_of(free))
+    gain = [p.name for p in free].index("air.gain_C01")
+    rows = [*range(len(solution.jacobian) - len(free)), gain - len(free)]
+    alone = eqx.tree_at(lambda p: p.parameters, problem, Parameters.of([free[gain]]))
+    solution = replace(
+        solution,
+        z=solution.z[[gain]],
+        jacobian=solution.jacobian[np.ix_(rows, [gain])],
+    )
+
+    def noisy(strength):
+        noise = strength * solution.jacobian / QUARTERS
+        return _estimate(alone, [free[gain]], solution, noise)[0][0]
+
+    quiet, half, whole = (noisy(strength) for strength in (0.0, 1.0, 2.0))
+    assert half.std / quiet.std == pytest.approx(np.sqrt(3 / 2), rel=0.02)
+    assert whole.std == pytest.approx(free[gain].spread, rel=0.02)
+    assert quiet.determined
+    assert not whole.determined
 
 
 def _named(sentence: str) -> dict[str, float]:
