@@ -70,9 +70,7 @@ def _error(twin, solver, solution) -> float:
     # Measured: 7 of 10.
     assert determined.sum() >= 6
     values = np.asarray(values_of(twin.parameters, z))
-    off = np.abs(values / twin.truth - 1)
-    print(determined, off)
-    return float(off[determined].max())
+    return float(np.abs(values / twin.truth - 1)[determined].max())
 
 
 def test_the_jacobian_of_the_fit_is_right_in_both_modes(twin, monkeypatch):
