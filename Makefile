@@ -47,7 +47,7 @@ docs: $(VENV)/installed-docs
 check: lint test-all docs
 
 bench: $(VENV)/installed-peers
-	$(BIN)/python benchmarks/bench.py -o out/bench
+	$(BIN)/python benchmarks/bench.py -o out/bench --page docs/accuracy/benchmark.md
 
 bench-tradeoff: $(VENV)/installed
 	$(BIN)/python benchmarks/tradeoff.py -o out/tradeoff

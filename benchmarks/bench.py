@@ -3,8 +3,8 @@
 Renders the full discs of the paper's Table 3 with cloudjax and by the paper's algorithm
 in JAX, in numba and in Dr.Jit, and measures time, memory and the error against a
 converged truth; then displacement maps, derivatives, a fit, and how cost grows. Writes
-bench.json, bench.md (tables) and bench.png to DIR;
-docs/accuracy/other_renderers.md says how to read them.
+bench.json, bench.md (tables) and bench.png to DIR, and with --page the page of the
+documents; docs/accuracy/other_renderers.md says how to read them.
 """
 
 import argparse
@@ -32,6 +32,12 @@ PARTS = (
     "scaling",
     "startup",
 )
+PAGE = """# Benchmark
+
+Written by `make bench`, not by hand; [beside other renderers](other_renderers.md) says
+what is measured, and how.
+
+"""
 # The others compile for minutes, whatever their size.
 QUICK_PARTS = ("table3", "displacement", "startup")
 
@@ -39,6 +45,7 @@ QUICK_PARTS = ("table3", "displacement", "startup")
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, default=Path("out/bench"))
+    parser.add_argument("--page", type=Path, help="the page to write anew")
     parser.add_argument("--quick", action="store_true", help="small sizes: a test")
     parser.add_argument("--only", help=f"some of {','.join(PARTS)}")
     parser.add_argument("--repeats", type=int, help="of what is timed")
@@ -54,6 +61,8 @@ def main() -> None:
     found = run(chosen, sizes, options.quick)
     (options.output / "bench.json").write_text(json.dumps(found, indent=2) + "\n")
     (options.output / "bench.md").write_text(tables(found), encoding="utf-8")
+    if options.page:
+        options.page.write_text(PAGE + tables(found), encoding="utf-8")
     _part("figure").draw(found["parts"], options.output / "bench.png")
     print(tables(found))
 
@@ -107,7 +116,10 @@ def tables(found: dict) -> str:
     facts = [f"- {name}: {value}" for name, value in found["machine"].items()]
     notes = [f"- {note}" for note in found["notes"]]
     parts = [_part(name).tables(part) for name, part in found["parts"].items()]
-    return "\n".join([*facts, *notes, "", *parts])
+    targets = _part("targets").tables(found["parts"])
+    return "\n".join(
+        [*facts, *notes, "", *(text for text in (targets, *parts) if text)]
+    )
 
 
 if __name__ == "__main__":

@@ -31,8 +31,8 @@ BANDS = (1, 3, 13)
 # fitted, the cloudiest.
 PARTS = (6, 3)
 FITTED = 8
-# So that eight fits are done in a quarter of an hour.
-SHORT = ("--steps", "6", "--rays", "2048")
+# Of the march, so that eight fits are done in half an hour.
+FEWER_STEPS = ("--steps", "6")
 # Of a made-up scene: enough for a fit that steps a few times.
 SMALL = ("--bands", "13", "--rays", "512", "--steps", "6", "--max-steps", "8")
 
@@ -94,7 +94,7 @@ def _fit(scenes: list[Path], out: Path, *options: str) -> dict[str, float]:
 def joint(folder: str, out: Path) -> Iterator[tuple[str, dict[str, float]]]:
     """Parts of a scene alone and together."""
     parts = _parts(folder, out / "parts")
-    options = "--bands", ",".join(map(str, BANDS)), *SHORT
+    options = "--bands", ",".join(map(str, BANDS)), *FEWER_STEPS
     yield f"{len(parts)} scenes, each alone", _fit(parts, out / "alone", *options)
     together = _fit(parts, out / "together", "--joint", *options)
     yield f"{len(parts)} scenes together", together

@@ -97,7 +97,8 @@ class Laps:
 
 
 def name_of(preset: tuple[int, int]) -> str:
-    return f"{NAME}, {preset[0]} steps, {preset[1]} nodes"
+    steps, nodes = preset
+    return f"{NAME}, {steps} steps, {nodes} node{'s' * (nodes > 1)}"
 
 
 def disc(problem: Problem, presets, layers: int = 1, bands: int = 1) -> Marching:

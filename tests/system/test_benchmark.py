@@ -1,5 +1,6 @@
 """The benchmark runs from end to end, on little work and without optional peers."""
 
+import importlib
 import json
 import subprocess
 import sys
@@ -47,6 +48,30 @@ def test_the_parts_that_render_nothing_write_their_tables(tmp_path):
     text = (tmp_path / "bench.md").read_text()
     assert found["machine"]["cores"] in text
     assert "Displacement map of 5.0°" in text
+
+
+def test_targets_are_ratios_of_what_was_measured(monkeypatch):
+    """One that is met at larger errors says so."""
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    targets = importlib.import_module("parts.targets")
+
+    def entry(name, seconds, rmse, **more):
+        known = {"everything_seconds": 2 * seconds, "w1": 0.01, "peak_mb": 500}
+        return {"name": name, "seconds": seconds, "rmse": rmse, **known, **more}
+
+    entries = [
+        entry("Dr.Jit", 1.2, 0.06, peer=True, ratio_march=12.0),
+        entry("cloudjax, 2 steps, 1 node", 0.1, 0.07, peer=False),
+        entry("cloudjax, 6 steps, 3 nodes", 0.2, 0.03, peer=False),
+    ]
+    row = {"title": targets.DISC, "gtx1650_ms": 195, "entries": entries}
+    text = targets.tables({"table3": {"rows": [row]}})
+    assert "| whole picture against Dr.Jit, 6 steps, 3 nodes | 3x | 3x | 6x |" in text
+    assert "2 steps, 1 node (errors larger) | 6x | 4x | 8x |" in text
+    assert "at equal or smaller error | 12x | 10x | 20x |" in text
+    assert "against the paper's GTX 1650 | 0.97x | 0.5x | 1x |" in text
+    assert "| 0.5 GB | 1 GB | 0.5 GB |" in text
+    assert not targets.tables({"displacement": {}})
 
 
 def test_a_part_that_does_not_exist_is_refused():
