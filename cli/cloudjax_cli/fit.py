@@ -38,6 +38,11 @@ class _TestsOfAJointFit(click.Command):
 @bands_option
 @click.option("-o", "--output", required=True, metavar="DIR", help="For the results.")
 @fit_options
+@click.option(
+    "--quality",
+    type=click.Choice(["draft", "standard", "reference"]),
+    help="In place of --rays and --steps.",
+)
 @classes_option
 @ignore_weather_option
 @weather_mask_option

@@ -51,3 +51,12 @@ class FitSettings:
         return SceneFromImagery(
             imagery, analysis, light, classes, self.seed, self.steps, placed
         )
+
+
+# How well a fit is done, by name: what a look needs, what is usual, and what others are
+# compared with (docs/accuracy/speed.md).
+QUALITIES: Mapping[str, Mapping[str, int]] = {
+    "draft": {"rays": 2048, "steps": 12},
+    "standard": {"rays": FitSettings.rays, "steps": FitSettings.steps},
+    "reference": {"rays": 16384, "steps": 48},
+}

@@ -41,7 +41,7 @@ from cloudjax_scenes.data_errors import data_errors
 from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.lights import LIGHTS
 
-from .fit_settings import STATISTICS, FitSettings
+from .fit_settings import QUALITIES, STATISTICS, FitSettings
 from .parameters import Parameter, unbounded_of, with_overrides
 from .scene_parameters import known_names, scene_parameters
 
@@ -57,6 +57,7 @@ _FIT = {
     "statistics": one_of(list(STATISTICS)),
     "light": one_of(list(LIGHTS)),
 }
+_QUALITY = one_of(list(QUALITIES))
 _BAND = Kind("a whole number from 1 to 16", lambda n: is_whole(n) and 1 <= n <= 16)
 _BAND_OR_NONE = Kind(
     "the number of a band, or false to leave this half of the rule out", _BAND.holds
@@ -132,11 +133,25 @@ def read_settings(content: Mapping[str, Any], source: str) -> Settings:
 def with_options(settings: Settings, options: Mapping[str, Any]) -> Settings:
     """Settings with those of the fit replaced that the command line gives.
 
-    **Raises:** `DataError` for a number that is too small.
+    `quality` stands for rays and steps.
+
+    **Raises:** `DataError` for a number that is too small, and for a quality beside
+    what it stands for.
     """
     given = {name: value for name, value in options.items() if value is not None}
+    quality = given.pop("quality", None)
     given = checked(given, {}, _FIT, "the command line")
+    if quality is not None:
+        given |= _of_quality(quality, given)
     return replace(settings, fit=replace(settings.fit, **given))
+
+
+def _of_quality(quality: Any, given: Mapping[str, Any]) -> Mapping[str, int]:
+    chosen = _QUALITY.check(quality, "quality", "the command line")
+    for name in QUALITIES[chosen]:
+        if name in given:
+            raise DataError(f"--quality and --{name} both choose: give one.")
+    return QUALITIES[chosen]
 
 
 def cloud_rule(settings: Settings, bands: Sequence[int]) -> CloudRule | None:

@@ -6,9 +6,10 @@ import tomllib
 import pytest
 from tests.scenes import write_scene
 
+from cloudjax_cli.fit import fit
 from cloudjax_data import DataError
 from cloudjax_fit.fit_inputs import read_inputs
-from cloudjax_fit.fit_settings import FitSettings
+from cloudjax_fit.fit_settings import QUALITIES, FitSettings
 from cloudjax_fit.scene_parameters import scene_parameters
 from cloudjax_fit.settings import (
     Settings,
@@ -110,6 +111,24 @@ def test_the_command_line_goes_before_the_file():
     assert settings.fit == FitSettings(rays=50, seed=3, starts=2)
     with pytest.raises(DataError, match="command line gives rays = 0"):
         with_options(settings, {"rays": 0})
+
+
+def test_a_quality_stands_for_rays_and_steps():
+    settings = read("[fit]\nrays = 100\nsteps = 3\nseed = 3")
+    for name, chosen in QUALITIES.items():
+        found = with_options(settings, {"quality": name, "starts": 2}).fit
+        assert found == FitSettings(**chosen, seed=3, starts=2)
+    costs = [chosen["rays"] * chosen["steps"] for chosen in QUALITIES.values()]
+    assert costs == sorted(set(costs))
+    with pytest.raises(DataError, match="--quality and --steps both choose: give one"):
+        with_options(settings, {"quality": "draft", "steps": 3})
+    with pytest.raises(DataError, match="quality = 'best': make it draft or standard"):
+        with_options(settings, {"quality": "best"})
+
+
+def test_the_command_line_knows_all_qualities():
+    (option,) = (p for p in fit.params if p.name == "quality")
+    assert [*option.type.choices] == [*QUALITIES]
 
 
 def test_every_option_of_a_fit_is_on_the_command_line():
