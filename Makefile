@@ -4,8 +4,6 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
-# When the slow tier last passed; `.ci/run` says it.
-SLOW_TIER := tests/slow_tier_passed.txt
 
 .PHONY: demo test test-all test-slow regression-update extremes lint docs check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
 
@@ -22,8 +20,7 @@ test-all: $(VENV)/installed-dev
 		-m "not slow"
 
 test-slow: $(VENV)/installed-dev
-	XLA_FLAGS="$(XLA_FLAGS)" $(BIN)/python -m pytest -m slow
-	echo "$$(date -u +%F), with commit $$(git log -1 --format=%h)" > $(SLOW_TIER)
+	XLA_FLAGS="$(XLA_FLAGS)" $(BIN)/python -m pytest -m slow --note-slow-passes
 
 # Replaces the results that tests/regression has stored, and says what moved by how much.
 regression-update: $(VENV)/installed-dev

@@ -34,7 +34,7 @@ for name, value in {
 import equinox as eqx  # noqa: E402
 import jax  # noqa: E402
 
-from tests import long_tests  # noqa: E402
+from tests import long_tests, slow_passes  # noqa: E402
 
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -128,12 +128,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="write tests/long_tests.txt anew for the files that are run",
     )
+    parser.addoption(
+        "--note-slow-passes",
+        action="store_true",
+        help="with -m slow: write the day into tests/slow_passes.txt",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     # The worker of xdist that reports to nobody would write an empty list.
     if config.getoption("find_long_tests") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(long_tests.Finder())
+    if config.getoption("note_slow_passes") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(slow_passes.Keeper())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
