@@ -27,18 +27,20 @@ def write_scene(
     bands: Iterable[int] = (1, 3, 13),
     start: datetime = SCAN_START,
     seed: int = 0,
+    shape: tuple[int, int] = SHAPE,
 ) -> Path:
     """Half of it low cloud, some under a higher one, in L1b files on 2 km."""
     folder.mkdir(parents=True, exist_ok=True)
-    low, high = _field(seed) > 0.0, _field(seed + 1) > 0.5
+    fields = [_field(seed + i, shape) for i in range(4)]
+    low, high = fields[0] > 0.0, fields[1] > 0.5
     height_m = np.where(high, 8000.0, np.where(low, 1500.0, 0.0))
-    temperature_k = 290.0 - 6.5e-3 * height_m + _field(seed + 2)
-    reflectance = np.where(low | high, 0.5 + 0.08 * _field(seed + 3), 0.06)
+    temperature_k = 290.0 - 6.5e-3 * height_m + fields[2]
+    reflectance = np.where(low | high, 0.5 + 0.08 * fields[3], 0.06)
     for band in bands:
         calibration = default_calibration(band)
         reflects = isinstance(calibration, ReflectiveCalibration)
         seen = calibration.radiance(reflectance if reflects else temperature_k)
-        write_abi_l1b(folder, band=band, radiance=seen, grid=window(SHAPE), start=start)
+        write_abi_l1b(folder, band=band, radiance=seen, grid=window(shape), start=start)
     return folder
 
 
@@ -61,6 +63,6 @@ def write_weather(folder: Path, time: datetime) -> Path:
     )
 
 
-def _field(seed: int) -> np.ndarray:
-    noise = gaussian_filter(np.random.default_rng(seed).standard_normal(SHAPE), 2.0)
+def _field(seed: int, shape: tuple[int, int]) -> np.ndarray:
+    noise = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), 2.0)
     return noise / noise.std()
