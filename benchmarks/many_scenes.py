@@ -21,8 +21,9 @@ from resource import RUSAGE_CHILDREN, getrusage
 from tests.scenes import write_scene
 
 
-# Pixels of a scene that is fitted alone or with others: more than a fit has rays.
-SHAPE = 120, 120
+# Pixels of a scene that is fitted alone or with others, more than a fit has rays; and
+# of a small one.
+SHAPE, SMALL_SHAPE = (120, 120), (60, 60)
 # Of fits of both kinds: in one band, with few steps of the march.
 SHORT = ("--bands", "13", "--steps", "6")
 # Of small scenes: enough for a fit that steps a few times.
@@ -61,7 +62,8 @@ def joint(out: Path, count: int) -> Iterator[tuple[str, dict[str, float]]]:
 def workers(out: Path, count: int) -> Iterator[tuple[str, dict[str, float]]]:
     """Made-up scenes by one worker and by two, with all compiled."""
     scenes = [
-        write_scene(out / "made" / f"scene{i:02d}", (13,), seed=i) for i in range(count)
+        write_scene(out / "made" / f"scene{i:02d}", (13,), seed=i, shape=SMALL_SHAPE)
+        for i in range(count)
     ]
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(out / "cache")
     _fit(scenes[:2], out / "warm", *SMALL, "--dask", "local:1")
