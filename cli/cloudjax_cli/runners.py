@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast, runtime_checkabl
 
 import click
 
+from .held_memory import forget_if_much
+
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -47,7 +49,7 @@ class Here:
     ) -> Iterator[tuple[Task, Result | Exception]]:
         """See `Runner`."""
         for task in tasks:
-            yield task, work(task)
+            yield task, _in_its_turn(work, task)
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,11 @@ class OnDask:
         with self._client() as client:
             # Not pure: a task is done because it is asked for, done before or not.
             begun = {client.submit(work, task, pure=False): task for task in tasks}
-            for future in as_completed(begun):
-                yield begun[future], _result_of(future)
+            for future in as_completed(list(begun)):
+                task, result = begun.pop(future), _result_of(future)
+                # What a lost worker still held for someone is done again.
+                future.release()
+                yield task, result
 
     @contextmanager
     def _client(self) -> "Iterator[Client]":
@@ -108,11 +113,11 @@ class OnDask:
 
 
 def _result_of(future: "Future") -> Any:
-    from cloudjax_data import DataError
-
     try:
         return future.result()
     except Exception as error:
+        from cloudjax_data import DataError
+
         return DataError(
             f"no worker of Dask could do it ({type(error).__name__}: {error}): see "
             "that workers have cloudjax, enough memory and the same paths."
@@ -171,4 +176,11 @@ def _on_own_cores(
         from distributed import get_worker
 
         os.sched_setaffinity(0, shares[int(get_worker().name)])
-    return work(task)
+    return _in_its_turn(work, task)
+
+
+def _in_its_turn(work: Callable[[Task], Result], task: Task) -> Result:
+    """Work, in a process that has worked and will again."""
+    result = work(task)
+    forget_if_much()
+    return result

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .objective import AbstractProblem, Problem
+from .objective import AbstractProblem, Problem, structure_of
 from .parameters import Parameters
 
 
@@ -63,7 +63,7 @@ class JointProblem(AbstractProblem):
         problems = [jax.tree.map(jnp.asarray, problem) for problem in problems]
         found: dict[Hashable, list[int]] = {}
         for i, problem in enumerate(problems):
-            found.setdefault(_structure(problem), []).append(i)
+            found.setdefault(structure_of(problem), []).append(i)
         groups = [
             _Alike.of([problems[i] for i in some], [places[i] for i in some])
             for some in found.values()
@@ -93,12 +93,6 @@ class JointProblem(AbstractProblem):
         for group, of_group in zip(self.groups, sums, strict=True):
             for i in range(len(group)):
                 yield group[i], [some[i] for some in of_group]
-
-
-def _structure(problem: Problem) -> Hashable:
-    """What problems must have in common to be stacked."""
-    leaves, tree = jax.tree.flatten(problem)
-    return tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
 
 
 @eqx.filter_custom_jvp

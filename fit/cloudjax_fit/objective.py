@@ -6,7 +6,7 @@ Levenberg-Marquardt find the parameters from every start (docs/decisions.md).
 
 import abc
 import functools as ft
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -196,6 +196,13 @@ def _with_jacobian(
     rays = jnp.arange(-(-count // at_once) * at_once) % count
     found = jax.lax.map(of_ray, rays, batch_size=at_once)
     return jax.tree.map(lambda each: jnp.moveaxis(each[:count], 0, -1), found)
+
+
+def structure_of(problem: AbstractProblem) -> Hashable:
+    """Return what problems have in common that share a compiled function."""
+    leaves, tree = jax.tree.flatten(problem)
+    arrays = [jax.typeof(x) if eqx.is_array(x) else x for x in leaves]
+    return tree, tuple(arrays)
 
 
 def residuals(

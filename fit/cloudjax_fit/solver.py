@@ -1,8 +1,9 @@
 """Levenberg-Marquardt on a problem, compiled once and run from any start."""
 
+import functools as ft
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,7 +14,12 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .objective import QUARTERS, AbstractProblem, residuals_and_sums
+from .objective import (
+    QUARTERS,
+    AbstractProblem,
+    residuals_and_sums,
+    structure_of,
+)
 
 
 # Of a prior's standard deviation, and of a residual's: a step that changes less is no
@@ -99,7 +105,8 @@ class Solver:
     """A compiled Levenberg-Marquardt solver for problems of one structure.
 
     One step is compiled, and repeated from the host: a function that calls back to the
-    host could not be kept by JAX's compilation cache.
+    host could not be kept by JAX's compilation cache. The step of the latest structure
+    is kept for the next solver, for scenes of one structure come one after the other.
 
     **Arguments:**
 
@@ -117,17 +124,7 @@ class Solver:
     ):
         self._max_steps, self._on_step, self._stop = max_steps, on_step, stop
         started = time.perf_counter()
-        z = jnp.zeros(len(problem.parameters))
-        rows, sums = eqx.filter_eval_shape(residuals_and_sums, z, problem)
-        state = _levenberg_marquardt().init(
-            residuals_and_sums, z, problem, {}, rows, sums, frozenset()
-        )
-        state = eqx.tree_at(
-            lambda s: s.search_state.step_size, state, jnp.asarray(1 / FIRST_DAMPING)
-        )
-        self._start, self._static = eqx.partition(state, eqx.is_array)
-        step: Any = eqx.filter_jit(self._step)
-        self._compiled = step.lower(z, self._start, problem).compile()
+        self._start, self._static, self._compiled = _latest_step(problem)
         self.compile_seconds = time.perf_counter() - started
 
     def begin(self, z: Float[Array, " parameters"]) -> Progress:
@@ -219,24 +216,6 @@ class Solver:
             return f"not converged in the {steps} steps allowed: allow more"
         return f"the solver broke down after {steps} steps: try another start"
 
-    def _step(self, z, state, problem: AbstractProblem):
-        told: dict[str, Any] = {}
-        solver = _levenberg_marquardt(lambda **facts: told.update(facts))
-        state = eqx.combine(state, self._static)
-        found, state, _ = solver.step(
-            residuals_and_sums, z, problem, {}, state, frozenset()
-        )
-        ends, result = solver.terminate(
-            residuals_and_sums, found, problem, {}, state, frozenset()
-        )
-        facts = _Facts(
-            tried_loss=told["loss_this_step"][1],
-            loss=0.5 * (state.f_info.residual**2).sum(),
-            ends=ends,
-            sound=(result == optx.RESULTS.successful) & jnp.isfinite(z).all(),
-        )
-        return found, eqx.filter(state, eqx.is_array), facts
-
 
 def creeps(losses: Sequence[float]) -> bool:
     """Tell whether the last `CREEPING_STEPS` steps gained less than `CREEPING_GAIN`.
@@ -257,6 +236,65 @@ def creeps(losses: Sequence[float]) -> bool:
 
 
 _as_matrix = eqx.filter_jit(lambda operator: operator.as_matrix())
+
+
+class _Step(NamedTuple):
+    """A compiled step, and the two halves of the state that it begins with."""
+
+    start: Any
+    static: Any
+    compiled: Any
+
+
+def _compiled_step(problem: AbstractProblem) -> _Step:
+    z = jnp.zeros(len(problem.parameters))
+    rows, sums = eqx.filter_eval_shape(residuals_and_sums, z, problem)
+    state = _levenberg_marquardt().init(
+        residuals_and_sums, z, problem, {}, rows, sums, frozenset()
+    )
+    state = eqx.tree_at(
+        lambda s: s.search_state.step_size, state, jnp.asarray(1 / FIRST_DAMPING)
+    )
+    start, static = eqx.partition(state, eqx.is_array)
+    step: Any = eqx.filter_jit(ft.partial(_step, static))
+    return _Step(start, static, step.lower(z, start, problem).compile())
+
+
+# By structure; one, for it holds hundreds of megabytes.
+_latest: dict[Hashable, _Step] = {}
+
+
+def forget_compiled() -> None:
+    """Forget the compiled step that is kept."""
+    _latest.clear()
+
+
+def _latest_step(problem: AbstractProblem) -> _Step:
+    """The compiled step for problems of this structure, the latest or a new one."""
+    structure = structure_of(problem)
+    if structure not in _latest:
+        _latest.clear()
+        _latest[structure] = _compiled_step(problem)
+    return _latest[structure]
+
+
+def _step(static, z, state, problem: AbstractProblem):
+    told: dict[str, Any] = {}
+    solver = _levenberg_marquardt(lambda **facts: told.update(facts))
+    state = eqx.combine(state, static)
+    found, state, _ = solver.step(
+        residuals_and_sums, z, problem, {}, state, frozenset()
+    )
+    ends, result = solver.terminate(
+        residuals_and_sums, found, problem, {}, state, frozenset()
+    )
+    facts = _Facts(
+        tried_loss=told["loss_this_step"][1],
+        loss=0.5 * (state.f_info.residual**2).sum(),
+        ends=ends,
+        sound=(result == optx.RESULTS.successful) & jnp.isfinite(z).all(),
+    )
+    return found, eqx.filter(state, eqx.is_array), facts
 
 
 class _Facts(NamedTuple):

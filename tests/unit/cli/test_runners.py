@@ -5,9 +5,10 @@ import signal
 import time
 from pathlib import Path
 
+import jax
 import pytest
 
-from cloudjax_cli.runners import Cluster, OnDask
+from cloudjax_cli.runners import Cluster, Here, OnDask
 from tests.commands import run, sentence_of
 
 
@@ -38,6 +39,44 @@ def _slowly(file: Path) -> tuple[str, int, int]:
         trace.write(f"{os.getpid()}\n")
     time.sleep(1.0)
     return file.name, os.getpid(), len(os.sched_getaffinity(0))
+
+
+def test_what_is_compiled_is_forgotten_where_it_is_much(monkeypatch):
+    """Where the pieces of mapped memory are many, a function is traced again."""
+    traced = []
+
+    @jax.jit
+    def work(x):
+        traced.append(x)
+        return x + 1
+
+    def done() -> int:
+        for _ in Here().run(work, [1.0, 2.0]):
+            pass
+        return len(traced)
+
+    assert done() == 1
+    monkeypatch.setattr("cloudjax_cli.held_memory.MANY_MAPS", 0)
+    assert [done(), done()] == [2, 4]
+
+
+def _alone(file: Path) -> int:
+    """Leave a trace, and take the worker along where there is a word to do so."""
+    with file.open("a") as trace:
+        trace.write("done\n")
+    if file.name == "2" and len(file.read_text().split()) == 1:
+        time.sleep(2.0)  # the first two are told of
+        os.kill(os.getpid(), signal.SIGKILL)
+    return int(file.name)
+
+
+@pytest.mark.slow
+def test_what_was_done_is_not_done_again_when_its_worker_dies(tmp_path):
+    """A worker that dies in its third task has told of the first two."""
+    tasks = [tmp_path / f"{i}" for i in range(4)]
+    told = [result for _, result in OnDask(workers=1).run(_alone, tasks)]
+    assert sorted(told) == [0, 1, 2, 3]
+    assert [len(p.read_text().split()) for p in tasks] == [1, 1, 2, 1]
 
 
 @pytest.mark.slow

@@ -316,6 +316,20 @@ def test_the_jacobian_of_a_solution_is_that_of_the_residuals(
     np.testing.assert_allclose(solution.jacobian @ along, expected, atol=2e-3)
 
 
+def test_scenes_of_one_structure_share_the_compiled_step(posed, monkeypatch):
+    """A problem of other numbers is not compiled again, one of fewer statistics is."""
+    problem, _ = posed
+    Solver(problem)
+
+    def compiled(problem):
+        raise StopIteration
+
+    monkeypatch.setattr("cloudjax_fit.solver._compiled_step", compiled)
+    Solver(replace(problem, known=0.5 * problem.known))
+    with pytest.raises(StopIteration):
+        Solver(replace(problem, statistics=problem.statistics.values_alone()))
+
+
 def test_quarters_of_the_draws_share_a_jacobian(posed, solver):
     """What rays of a quarter move by themselves; of all rays it is the sum of them."""
     problem, _ = posed
