@@ -44,7 +44,7 @@ docs: $(VENV)/installed-docs
 check: lint test-all docs
 
 bench: $(VENV)/installed-peers
-	$(BIN)/python benchmarks/bench.py -o out/bench --page docs/accuracy/benchmark.md
+	$(BIN)/python benchmarks/bench.py -o out/bench
 
 bench-tradeoff: $(VENV)/installed
 	$(BIN)/python benchmarks/tradeoff.py -o out/tradeoff
