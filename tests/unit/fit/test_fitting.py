@@ -317,7 +317,7 @@ def test_the_jacobian_of_a_solution_is_that_of_the_residuals(
 
 
 def test_scenes_of_one_structure_share_the_compiled_step(posed, monkeypatch):
-    """A problem of other numbers is not compiled again, one of fewer statistics is."""
+    """A problem of other numbers is not compiled again, one of another rule is."""
     problem, _ = posed
     Solver(problem)
 
@@ -327,7 +327,7 @@ def test_scenes_of_one_structure_share_the_compiled_step(posed, monkeypatch):
     monkeypatch.setattr("cloudjax_fit.solver._compiled_step", compiled)
     Solver(replace(problem, known=0.5 * problem.known))
     with pytest.raises(StopIteration):
-        Solver(replace(problem, statistics=problem.statistics.values_alone()))
+        Solver(replace(problem, rule=replace(problem.rule, cold_temperature_k=200.0)))
 
 
 def test_quarters_of_the_draws_share_a_jacobian(posed, solver):

@@ -3,6 +3,7 @@
 import dataclasses
 import tomllib
 
+import click
 import pytest
 from tests.scenes import write_scene
 
@@ -117,7 +118,8 @@ def test_a_quality_stands_for_rays_and_steps():
     settings = read("[fit]\nrays = 100\nsteps = 3\nseed = 3")
     for name, chosen in QUALITIES.items():
         found = with_options(settings, {"quality": name, "starts": 2}).fit
-        assert found == FitSettings(**chosen, seed=3, starts=2)
+        rays, steps = chosen["rays"], chosen["steps"]
+        assert found == FitSettings(rays=rays, steps=steps, seed=3, starts=2)
     costs = [chosen["rays"] * chosen["steps"] for chosen in QUALITIES.values()]
     assert costs == sorted(set(costs))
     with pytest.raises(DataError, match="--quality and --steps both choose: give one"):
@@ -128,6 +130,7 @@ def test_a_quality_stands_for_rays_and_steps():
 
 def test_the_command_line_knows_all_qualities():
     (option,) = (p for p in fit.params if p.name == "quality")
+    assert isinstance(option.type, click.Choice)
     assert [*option.type.choices] == [*QUALITIES]
 
 
