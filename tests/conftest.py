@@ -3,6 +3,7 @@
 import ctypes
 import gc
 import os
+import sys
 from importlib.metadata import version
 from pathlib import Path
 
@@ -81,6 +82,9 @@ def _hold_little():
 
 
 def _forget() -> None:
+    solver = sys.modules.get("cloudjax_fit.solver")
+    if solver is not None:
+        solver.forget_compiled()
     eqx.clear_caches()
     jax.clear_caches()
     gc.collect()
