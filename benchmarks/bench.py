@@ -34,8 +34,8 @@ PARTS = (
 )
 PAGE = """# Benchmark
 
-Written by `make bench`, not by hand; [beside other renderers](other_renderers.md) says
-what is measured, and how.
+Written by `benchmarks/bench.py --page`, not by hand; [beside other
+renderers](other_renderers.md) says what is measured, and how.
 
 """
 # The others compile for minutes, whatever their size.
@@ -60,11 +60,12 @@ def main() -> None:
         sizes = dataclasses.replace(sizes, repeats=options.repeats)
     found = run(chosen, sizes, options.quick)
     (options.output / "bench.json").write_text(json.dumps(found, indent=2) + "\n")
-    (options.output / "bench.md").write_text(tables(found), encoding="utf-8")
+    text = tables(found)
+    (options.output / "bench.md").write_text(text, encoding="utf-8")
     if options.page:
-        options.page.write_text(PAGE + tables(found), encoding="utf-8")
+        options.page.write_text(PAGE + text, encoding="utf-8")
     _part("figure").draw(found["parts"], options.output / "bench.png")
-    print(tables(found))
+    print(text)
 
 
 def run(chosen: Sequence[str], sizes: Sizes, quick: bool) -> dict:

@@ -25,7 +25,6 @@ from cloudjax_data.whole_files import write_text_whole
 from cloudjax_fit import embedded_target
 from cloudjax_fit.fit_settings import FitSettings
 from cloudjax_fit.fittable_scene import FittableScene
-from cloudjax_fit.objective import Problem
 from cloudjax_fit.observation import target_of
 from cloudjax_fit.parameters import values_of
 from cloudjax_fit.solver import Solver
@@ -43,7 +42,6 @@ ROWS, COLUMNS = slice(300, 420), slice(60, 180)
 SIGNAL_TO_NOISE, NOISE_K = 2000.0, 0.04
 # Seeds of truths and of fits never meet.
 FIT_SEED = 1_000_000
-_SOLVERS: list[Solver] = []
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ class Twin:
         scene = FittableScene.of(target, settings)
         problem = scene.pose()
         start = jnp.zeros(len(scene.free))
-        solver = _solver(problem, settings.max_steps)
+        solver = Solver(problem, max_steps=settings.max_steps)
         solution = solver(problem, start)
         quarters, seed = solver.quarters(problem, solution.z), settings.seed
         found, _ = estimate(problem, scene.free, start, solution, quarters, seed=seed)
@@ -88,13 +86,6 @@ class Twin:
                 for each in found
             ],
         }
-
-
-def _solver(problem: Problem, max_steps: int) -> Solver:
-    """The solver of this process: problems of all twins have one structure."""
-    if not _SOLVERS:
-        _SOLVERS.append(Solver(problem, max_steps=max_steps))
-    return _SOLVERS[0]
 
 
 def _part(imagery: Imagery) -> Imagery:

@@ -1,9 +1,6 @@
 """One regime for all tests: where the real files are, and JAX without surprises."""
 
-import ctypes
-import gc
 import os
-import sys
 from importlib.metadata import version
 from pathlib import Path
 
@@ -32,9 +29,9 @@ for name, value in {
 }.items():
     os.environ.setdefault(name, value)
 
-import equinox as eqx  # noqa: E402
 import jax  # noqa: E402
 
+from cloudjax_cli import held_memory  # noqa: E402
 from tests import long_tests, slow_passes  # noqa: E402
 
 
@@ -60,9 +57,6 @@ TOGETHER = {
 # Bytes that a process holds before it forgets what the tests of a file compiled, and
 # what the test of a file that goes on: the functions of all tests fill gigabytes.
 ENOUGH, MUCH = 1.2e9, 2e9
-# Pieces of memory that it has mapped, of 65 530 that Linux allows: compiled functions
-# take some each, and a compiler that gets no more ends the process.
-MANY_MAPS = 30_000
 # What a file's own fixtures hold, which is no reason to forget again.
 kept = {"bytes": 0.0}
 
@@ -77,30 +71,16 @@ def _forget_what_is_compiled():
 @pytest.fixture(autouse=True)
 def _hold_little():
     yield
-    if _maps() > MANY_MAPS or _resident_bytes() > MUCH + kept["bytes"]:
+    if (
+        held_memory.maps() > held_memory.MANY_MAPS
+        or _resident_bytes() > MUCH + kept["bytes"]
+    ):
         _forget()
 
 
 def _forget() -> None:
-    solver = sys.modules.get("cloudjax_fit.solver")
-    if solver is not None:
-        solver.forget_compiled()
-    eqx.clear_caches()
-    jax.clear_caches()
-    gc.collect()
-    # What is freed in small pieces glibc keeps for itself, which is half of all.
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)
+    held_memory.forget()
     kept["bytes"] = max(_resident_bytes() - ENOUGH, 0.0)
-
-
-def _maps() -> int:
-    """Those of this process; none where the system does not tell."""
-    try:
-        return Path("/proc/self/maps").read_bytes().count(b"\n")
-    except OSError:
-        return 0
 
 
 def _resident_bytes() -> float:
