@@ -7,6 +7,7 @@ import pytest
 from cloudjax import Rays, Shell
 from cloudjax.geometry.footprint import (
     Footprint,
+    Sampling,
     grouped,
     kind_of,
     kinds,
@@ -60,13 +61,25 @@ def test_a_kind_holds_what_the_pixel_is(latitude, longitude):
     width = 5.6e-5 * float(rays.ground()[0].distance_m[0])
     stretch = -1 / (vertical @ rays.direction[0])
     assert kind.finest_m < 1.001 * width < 2.002 * kind.finest_m
-    assert stretch < 1.05 * kind.stretch < 2.1 * stretch + 0.1
+    if stretch > 6:
+        assert kind.stretch == np.inf
+    else:
+        assert stretch < 1.05 * kind.stretch < 2.1 * stretch + 0.1
 
 
 @pytest.mark.parametrize("pixel_rad", [1.4e-5, 2.8e-5, 5.6e-5, 28e-5])
 def test_the_usual_pixels_from_geostationary_orbit_are_as_wide_as_each_other(pixel_rad):
     kinds_of = [_kinds_of(_to(0, longitude, pixel_rad))[0] for longitude in (0, 40, 74)]
     assert len({kind.finest_m for kind in kinds_of}) == 1
+
+
+@pytest.mark.parametrize(
+    ("stretch", "depth_m", "knots"),
+    [(8.0, 7e3, 2), (8.0, 8e3, 9), (np.inf, 10.0, 9)],
+    ids=["short", "long", "at the limb"],
+)
+def test_a_way_of_less_than_60_km_has_two_knots(stretch, depth_m, knots):
+    assert Sampling(2e3, stretch, knots=9).through(depth_m).knots == knots
 
 
 def test_kinds_do_not_depend_on_the_other_rays():

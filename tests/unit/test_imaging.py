@@ -10,6 +10,7 @@ import pytest
 from jaxtyping import Array, Float
 
 from cloudjax import AbstractMask, Rays, look, radiances
+from cloudjax.geometry.arrays import namespace
 from cloudjax.geometry.footprint import kind_of, kinds
 from cloudjax.image.render import prepare, render
 from cloudjax.march.view import lay, make_textures, sample
@@ -202,8 +203,8 @@ class Beyond(AbstractMask):
     side: Float[Array, ""]
 
     def __call__(self, latitude_deg, longitude_deg):
-        ahead = (longitude_deg - float(self.meridian_deg)) * float(self.side)
-        return np.where(ahead > 0, 40.0, -40.0)
+        ahead = (longitude_deg - self.meridian_deg) * self.side
+        return namespace(longitude_deg).where(ahead > 0, 40.0, -40.0)
 
 
 def test_a_ray_that_grazes_gets_cloud_from_the_far_side():

@@ -1,32 +1,23 @@
 """Fractal clouds: the soft level set of the cloud function in its shell."""
 
-import functools as ft
 from dataclasses import replace
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cloudjax.geometry.arrays import namespace
 from cloudjax.geometry.footprint import Footprint, Sampling, stretch_of
-from cloudjax.geometry.geodesy import angles_of, geodetic, vertical
-from cloudjax.geometry.on_host import compiled_for_many
-from cloudjax.geometry.path import (
-    Profile,
-    device_array,
-    path_from,
-    points_along,
-)
+from cloudjax.geometry.geodesy import geodetic
+from cloudjax.geometry.path import Profile, device_array, path_from
 from cloudjax.geometry.rays import Rays
 from cloudjax.geometry.shells import Chords, Shell
 from cloudjax.weather.advection import DisplacementMap
 from cloudjax.weather.coarse_fields import CoarseFields, Placed, Response
-from cloudjax.weather.drift import drift_m, strain
 from cloudjax.weather.masks import AbstractMask
 
 from .cloud_function import CloudFunction
+from .fractal_navigation import at_knots, blown, in_noise, masked
 from .fractal_path import FractalPath
 from .fractal_samples import FractalSamples, held_alike
 from .ladder import Ladder, Rung, common_share, frames, kept, rungs, seed_of_draw
@@ -139,7 +130,7 @@ class FractalCloud(AbstractCloudSource):
 
     def points(self, sampling: Sampling) -> tuple[int, ...]:
         """Say at how many points of a chord each rung is read, 0 where it is not."""
-        depth = self.shell.top_m - self.shell.bottom_m
+        depth = self.shell.depth_m
         return tuple(rung.points(sampling, depth) for rung in self.rungs)
 
     def navigate(self, rays: Rays, chord: Chords, sampling: Sampling) -> FractalPath:
@@ -147,24 +138,22 @@ class FractalCloud(AbstractCloudSource):
         points = self.points(sampling)
         read = [i for i, count in enumerate(points) if count]
         per_m, shifts = (part[read].astype(float) for part in self.frames)
-        laid = _laid(rays, chord, per_m, shifts, sampling.knots)
-        entry, change, upward, altitude, places = laid
-        mask = np.zeros(altitude.shape)
-        if self.mask is not None:
-            mask = np.stack([self.mask(*place) for place in places], axis=-1)
+        laid = at_knots(rays, chord, sampling.knots)
+        change, upward, altitude, width, parts = laid
+        entry = in_noise(rays.at(chord.entry_m), per_m, shifts)
+        mask = masked(upward, self.mask)
         held = None
         if sampling.held_finest_m is not None:
             finest = replace(sampling, finest_m=sampling.held_finest_m)
             held = tuple(i for i, count in enumerate(self.points(finest)) if count)
-        width = rays.pixel_rad * np.maximum(chord.entry_m + chord.length_m / 2, 1.0)
-        path = path_from(rays, chord, upward[:, 0], altitude[:, 0])
+        path = path_from(*parts)
         way = FractalPath(
             path=path,
             mask=Profile(device_array(mask), ends=True).with_knots(sampling.held_knots),
             width_m=device_array(width),
             stretch=stretch_of(path.middle_slant),
             entry=device_array(entry),
-            change_m=device_array(change[:, None]),
+            change_m=device_array(change),
             strain=None,
             points=points,
             held=held,
@@ -173,16 +162,10 @@ class FractalCloud(AbstractCloudSource):
         maps = self.displacements
         if maps is None or all(m is None for m in maps):
             return way
-        upward, altitude = device_array(upward), device_array(altitude)
-        drawn = {id(m): _drawn(m, upward, altitude, sampling.strains) for m in maps}
-        drifts, strains = zip(*(drawn[id(m)] for m in maps), strict=True)
         ladders = tuple(self.rungs[i].ladder for i in read)
-        return _drifted(
-            way,
-            drifts,
-            strains if sampling.strains else None,
-            device_array(per_m),
-            ladders,
+        knots = device_array(upward), device_array(altitude)
+        return blown(
+            way, maps, *knots, device_array(per_m), ladders, strains=sampling.strains
         )
 
     def _placed(self, rays: Rays, chord: Chords) -> Placed | None:
@@ -339,60 +322,3 @@ class FractalCloud(AbstractCloudSource):
 
 def _where(counts: list[int], count: int) -> tuple[int, ...]:
     return tuple(i for i, other in enumerate(counts) if other == count)
-
-
-@compiled_for_many("knots")
-def _laid(rays: Rays, chord: Chords, per_m, shifts, knots: int):
-    """Positions of the entry in the noise [periods], and from it to further knots [m];
-    verticals and altitudes of the knots, and their latitudes and longitudes [degrees].
-    """
-    xp = namespace(rays.direction)
-    first, *further = points_along(rays, chord, knots)
-    entry = xp.einsum("oab,rb->roa", per_m, first) + shifts[None]
-    change = xp.stack([point - first for point in further], axis=-1)
-    upward, altitude = vertical(xp.stack([first, *further], axis=-2))
-    places = xp.moveaxis(xp.stack(angles_of(upward)), -1, 0)
-    return entry - xp.floor(entry), change, upward, altitude, places
-
-
-@eqx.filter_jit
-def _drawn(
-    displacement: DisplacementMap | None,
-    vertical: Float[Array, "rays knots 3"],
-    altitude_m: Float[Array, "rays knots"],
-    strains: bool,
-) -> tuple[Float[Array, "rays knots 3"], Float[Array, "rays 3 3"] | None]:
-    """How far the air of the knots has come, and its strain; still air without a map.
-
-    Compiled once for all maps: with those of a cloud in one function each cloud takes
-    ten seconds.
-    """
-    if displacement is None:
-        calm = jnp.broadcast_to(jnp.eye(3), (len(vertical), 3, 3))
-        return 0 * vertical, calm if strains else None
-    moved = drift_m(vertical, altitude_m, displacement)
-    return moved, strain(vertical[:, 0], displacement) if strains else None
-
-
-@ft.partial(jax.jit, static_argnames="ladder_of")
-def _drifted(
-    way: FractalPath,
-    drifts: tuple[Float[Array, "rays knots 3"], ...],
-    strains: tuple[Float[Array, "rays 3 3"], ...] | None,
-    frames: Float[Array, "read 3 3"],
-    ladder_of: tuple[int, ...],
-) -> FractalPath:
-    """A way whose air came from elsewhere, by the drift of each ladder."""
-    drift = jnp.stack(drifts, axis=1)
-    start, further = drift[:, :, 0], drift[:, :, 1:] - drift[:, :, :1]
-    moved = [
-        jnp.matmul(start[:, ladder], frame.T, precision="highest")
-        for frame, ladder in zip(frames, ladder_of, strict=True)
-    ]
-    entry = way.entry + jnp.stack(moved, axis=1) if moved else way.entry
-    return replace(
-        way,
-        entry=entry - jnp.floor(entry),
-        change_m=way.change_m + jnp.moveaxis(further, 2, 3),
-        strain=None if strains is None else jnp.stack(strains, axis=1),
-    )

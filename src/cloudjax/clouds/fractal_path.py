@@ -108,13 +108,13 @@ class FractalPath(eqx.Module):
         )
 
     def drawn(
-        self, ladders: tuple[int, ...], gradient: Float[Array, "3 some rays points"]
-    ) -> Float[Array, "3 some rays points"]:
+        self, ladders: tuple[int, ...], gradient: Float[Array, "rays some 3 points"]
+    ) -> Float[Array, "rays some 3 points"]:
         """Bring gradients from where the air came from to where it is."""
         if self.strain is None:
             return gradient
         strain = self.strain[:, np.array(ladders)]
-        return jnp.einsum("roka,korp->aorp", strain, gradient, precision="highest")
+        return jnp.einsum("roka,rokp->roap", strain, gradient, precision="highest")
 
     def stretched(self, ladders: tuple[int, ...]) -> Float[Array, "some #rays"]:
         """By how much the wind has raised the square of a gradient."""

@@ -124,12 +124,11 @@ class Rung:
         across = across_m(sampling.finest_m)
         if powers @ np.exp(-((k * across) ** 2)) <= _LEAST * powers.sum():
             return 0
-        if sampling.knots > 2:
-            # Of a chord so long the shell does not tell the length.
+        chord_m = sampling.way_m(depth_m)
+        if not math.isfinite(chord_m):
             return EVERY_STEP
         enough = depth_m / (_SPACING_IN_PIXELS * max(sampling.finest_m, 1e-3))
         if enough > _FEW:
-            chord_m = depth_m * sampling.stretch
             enough = min(enough, chord_m * _POINTS_PER_WAVE / self.mean_wave_m)
         return 2 ** math.ceil(math.log2(max(enough, 1)))
 
@@ -231,7 +230,8 @@ def common_share(
     (1 + 4.39 t² + 16 t⁴)^(-1/4) with t the stretch over the wavelength.
     """
     t = _COMMON_WAY * thickness_m * stretch[None] / wavelength_m[:, None]
-    return (1 + 4.39 * t**2 + 16 * t**4) ** -0.25
+    # Two roots take a fifth of the time of a power.
+    return 1 / jnp.sqrt(jnp.sqrt(1 + 4.39 * t**2 + 16 * t**4))
 
 
 def amplitudes(

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float, Int
 
 from cloudjax.geometry.path import middles
 
-from .fractal_path import FractalPath, turned
+from .fractal_path import FractalPath
 from .fractal_samples import Reading
 from .noise import NoiseBands
 
@@ -55,10 +55,11 @@ class RungReader(eqx.Module):
         noise = self.textures.noise
         value, per_period = noise.sample_with_gradient(*self._places(some, count))
         frames = self.textures.frames[np.array(some)]
-        upwind = turned(jnp.swapaxes(frames, 1, 2), per_period)
+        averaged = self.amplitude[np.array(some)][None, ..., None] * per_period
+        upwind = jnp.einsum("ikrp,kia->rkap", averaged, frames, precision="highest")
         ladders = tuple(self.ladder_of[i] for i in some)
-        gradient = self.way.drawn(ladders, upwind)
-        return self._averaged(some, value), self._averaged(some, gradient)
+        gradient = Reading(self.way.drawn(ladders, upwind), some)
+        return self._averaged(some, value), gradient
 
     def _places(self, some: tuple[int, ...], count: int):
         ladders = tuple(self.ladder_of[i] for i in some)
@@ -67,11 +68,8 @@ class RungReader(eqx.Module):
         return band, self.way.positions(some, ladders, frames, middles(count))
 
     def _averaged(
-        self, some: tuple[int, ...], x: Float[Array, "*axes read rays points"]
-    ):
+        self, some: tuple[int, ...], value: Float[Array, "read rays points"]
+    ) -> Reading:
         """Rays first."""
-        amplitude = self.amplitude[np.array(some)][..., None]
-        averaged = amplitude.reshape((1,) * (x.ndim - 3) + amplitude.shape) * x
-        axes = range(x.ndim - 3)
-        order = (x.ndim - 2, x.ndim - 3, *axes, x.ndim - 1)
-        return Reading(jnp.transpose(averaged, order), some)
+        averaged = self.amplitude[np.array(some)][..., None] * value
+        return Reading(jnp.swapaxes(averaged, 0, 1), some)

@@ -1,7 +1,7 @@
 """A pixel averages over an ellipsoid about its line of sight."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
@@ -25,6 +25,8 @@ _SHARPNESS = 0.8
 # of longer ways.
 _KNOT_SPACING_M = 60e3
 _MANY_KNOTS = 9
+# In rows of `kinds`, of the stretch of rays at the limb.
+_LIMB = 10
 # Widths of a group of rays agree within a factor of 2. The usual pixels from
 # geostationary orbit, 0.5 to 10 km at nadir, are in one group each.
 _LEAST_WIDTH_M = 1.5
@@ -79,7 +81,8 @@ class Sampling:
     **Fields:**
 
     - `finest_m`: the least width of a pixel.
-    - `stretch`: the greatest length of a pixel over its width.
+    - `stretch`: the greatest length of a way over the depth that it crosses; infinite
+      at the limb.
     - `knots`: points of a chord at which masks and winds are read, linear in between.
     - `held_knots`: at which masks are held.
     - `held_finest_m`: the least width of a pixel of all groups that are held alike, at
@@ -95,6 +98,15 @@ class Sampling:
     held_finest_m: float | None = None
     strains: bool = True
 
+    def way_m(self, depth_m: float) -> float:
+        """Return how long [m] a chord through a layer of air can be."""
+        return depth_m * self.stretch
+
+    def through(self, depth_m: float) -> "Sampling":
+        """Return the sampling that a layer of air needs: short ways have two knots."""
+        long = self.way_m(depth_m) > _KNOT_SPACING_M
+        return self if long else replace(self, knots=min(self.knots, 2))
+
 
 @dataclass(frozen=True)
 class Kind:
@@ -102,7 +114,7 @@ class Kind:
 
     **Fields:**
 
-    - `finest_m`, `stretch`: as in `Sampling`.
+    - `finest_m`, `stretch`: as in `Sampling`; within a factor of 2.
     - `knots`: points of a chord between which winds and masks are taken for linear; 0
       of rays that miss all air.
     - `twice`: whether they cross a shell a second time.
@@ -152,7 +164,9 @@ def kinds(
     return xp.stack(
         [
             xp.floor(xp.log2(xp.maximum(width / _LEAST_WIDTH_M, 1.0))),
-            xp.ceil(xp.log2(stretch) - 1e-9),
+            xp.where(
+                stretch < _LONGEST, xp.ceil(xp.log2(stretch) - 1e-9), float(_LIMB)
+            ),
             xp.where(far > _KNOT_SPACING_M, _MANY_KNOTS, 2) * (chord.length_m > 0),
             twice,
         ],
@@ -162,8 +176,9 @@ def kinds(
 
 def kind_of(row: Int[np.ndarray, "4"]) -> Kind:
     """Return the kind of a row of `kinds`."""
-    width, stretch, knots, twice = row.tolist()
-    return Kind(_LEAST_WIDTH_M * 2.0**width, 2.0**stretch, knots, bool(twice))
+    width, octaves, knots, twice = row.tolist()
+    stretch = np.inf if octaves == _LIMB else 2.0**octaves
+    return Kind(_LEAST_WIDTH_M * 2.0**width, stretch, knots, bool(twice))
 
 
 def grouped(

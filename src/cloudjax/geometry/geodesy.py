@@ -99,11 +99,11 @@ def geodetic(
 ) -> tuple[Float[HostArray, "*n"], Float[HostArray, "*n"], Float[HostArray, "*n"]]:
     """Return geodetic latitude and longitude [degrees] and altitude [m] of positions.
 
-    It takes Bowring's iteration (Survey Review 23, 1976), whose three rounds leave less
+    It takes Bowring's iteration (Survey Review 23, 1976), whose two rounds leave less
     than a micrometre from the ground up to geostationary distance.
     """
     xp = namespace(position_m)
-    sin_φ, cos_φ, altitude = _latitude(position_m, ellipsoid)
+    sin_φ, cos_φ, altitude = _latitude(position_m, ellipsoid, rounds=2)
     return (
         xp.degrees(xp.arctan2(sin_φ, cos_φ)),
         xp.degrees(xp.arctan2(position_m[..., 1], position_m[..., 0])),
@@ -114,10 +114,14 @@ def geodetic(
 def vertical(
     position_m: Float[HostArray, "*n 3"], ellipsoid: Ellipsoid = GRS80
 ) -> tuple[Float[HostArray, "*n 3"], Float[HostArray, "*n"]]:
-    """Return the upward unit vector and the altitude [m], without any angle."""
+    """Return the upward unit vector and the altitude [m] of positions in the air,
+    without any angle.
+
+    One round of Bowring's leaves 2e-11 radians and less than a micrometre up to 100 km.
+    """
     xp = namespace(position_m)
     x, y, _ = xp.moveaxis(position_m, -1, 0)
-    sin_φ, cos_φ, altitude = _latitude(position_m, ellipsoid)
+    sin_φ, cos_φ, altitude = _latitude(position_m, ellipsoid, rounds=1)
     # On the axis, where there is no meridian, cos φ is 0.
     outward = cos_φ / xp.maximum(xp.sqrt(x**2 + y**2), 1e-9)
     return xp.stack([outward * x, outward * y, sin_φ], axis=-1), altitude
@@ -135,7 +139,7 @@ def angles_of(
     return xp.degrees(latitude), xp.degrees(longitude)
 
 
-def _latitude(position_m, ellipsoid: Ellipsoid):
+def _latitude(position_m, ellipsoid: Ellipsoid, rounds: int):
     """Sine and cosine of the geodetic latitude, and the altitude.
 
     Bowring's rounds with the sines and cosines themselves: a quarter of the time that
@@ -147,7 +151,7 @@ def _latitude(position_m, ellipsoid: Ellipsoid):
     x, y, z = xp.moveaxis(position_m, -1, 0)
     ρ = xp.sqrt(x**2 + y**2)
     rise, run = a**2 * z, b**2 * ρ
-    for _ in range(3):
+    for _ in range(rounds):
         sin_β, cos_β = _normalised(b * rise, a * run)
         rise = z + e2 * a**2 / b * sin_β * sin_β * sin_β
         run = ρ - e2 * a * cos_β * cos_β * cos_β

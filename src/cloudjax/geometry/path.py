@@ -156,37 +156,29 @@ class Path(eqx.Module):
 
 def navigate(rays: Rays, chords: Chords, ellipsoid: Ellipsoid = GRS80) -> Path:
     """Bring chords onto the device; the work runs on the host, in float64."""
-    upward, altitude = _at_entry(rays, chords, ellipsoid)
-    return path_from(rays, chords, upward, altitude, ellipsoid)
+    return path_from(*_at_entry(rays, chords, ellipsoid))
 
 
-def path_from(
+def path_from(*parts: Float[HostArray, "..."]) -> Path:
+    """Bring onto the device what `path_parts` found."""
+    return Path(*map(device_array, parts))
+
+
+def path_parts(
     rays: Rays,
     chords: Chords,
     entry_up: Float[HostArray, "rays 3"],
     entry_altitude_m: Float[HostArray, " rays"],
     ellipsoid: Ellipsoid = GRS80,
-) -> Path:
-    """Bring chords onto the device of which the vertical at the entry is known."""
-    radius = _radius_m(rays, entry_up, entry_altitude_m, ellipsoid)
-    return Path(
-        length_m=device_array(chords.length_m),
-        entry_altitude_m=device_array(entry_altitude_m),
-        radius_m=device_array(radius),
-        direction=device_array(rays.direction),
-        entry_up=device_array(entry_up),
-    )
+) -> tuple[Float[HostArray, "..."], ...]:
+    """Find the fields of the paths of chords whose verticals at the entry are known."""
+    radius = curvature_radius(entry_up, rays.direction, ellipsoid) + entry_altitude_m
+    return chords.length_m, entry_altitude_m, radius, rays.direction, entry_up
 
 
-@compiled_for_many("ellipsoid")
-def _radius_m(rays: Rays, entry_up, entry_altitude_m, ellipsoid: Ellipsoid):
-    ground_radius = curvature_radius(entry_up, rays.direction, ellipsoid)
-    return ground_radius + entry_altitude_m
-
-
-@compiled_for_many("ellipsoid")
+@compiled_for_many("ellipsoid", handed_over=True)
 def _at_entry(rays: Rays, chords: Chords, ellipsoid: Ellipsoid):
-    return vertical(rays.at(chords.entry_m), ellipsoid)
+    return path_parts(rays, chords, *vertical(rays.at(chords.entry_m), ellipsoid))
 
 
 # What `Rays.ground` and `both_chords` find, compiled where rays are many.

@@ -26,6 +26,11 @@ class Shell:
                 "bottom below the top, both between -500 m and 100 km."
             )
 
+    @property
+    def depth_m(self) -> float:
+        """Give the difference of its altitudes."""
+        return self.top_m - self.bottom_m
+
 
 @dataclass(frozen=True)
 class Chords:

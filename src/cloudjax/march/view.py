@@ -199,7 +199,8 @@ def grouped_alike(
         key: Any = "misses"
         if kind.knots:
             points = tuple(x.cloud.points(kind.sampling) for x in scene.layers)
-            key = points, kind.knots, kind.twice
+            knots = [kind.sampling.through(x.depth_m).knots for x in scene.shells]
+            key = points, tuple(knots), kind.twice
         groups.setdefault(key, (kind, []))[1].append(members)
     return [(kind, np.concatenate(some)) for kind, some in groups.values()]
 
@@ -220,12 +221,13 @@ def lay(
     asked = scene.shadows is not None or _sees_slopes(scene)
     sampling = replace(sampling, strains=asked)
     for i, layer in enumerate(scene.layers):
+        own = sampling.through(layer.cloud.shell.depth_m)
         for chord in find_chords(rays, layer.cloud.shell)[: 1 + twice]:
-            ways.append(layer.cloud.navigate(rays, chord, sampling))
+            ways.append(layer.cloud.navigate(rays, chord, own))
             entries.append(chord.entry_m)
             layer_of.append(i)
             if scene.emissive is not None and scene.air is None:
-                places = points_along(rays, chord, sampling.knots)
+                places = points_along(rays, chord, own.knots)
                 found = [scene.temperature.at(*geodetic(place)) for place in places]
                 known = [kelvin for kelvin in found if kelvin is not None]
                 if known:

@@ -11,12 +11,12 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from cloudjax.geometry.geodesy import up
+from cloudjax.geometry.arrays import namespace
+from cloudjax.geometry.geodesy import angles_of, up
 from cloudjax.geometry.latlon_grid import AnyArray, LatLonGrid, Scalar
 
 from .advection import DisplacementMap
@@ -195,7 +195,10 @@ class AbstractMask(eqx.Module):
         latitude_deg: Float[AnyArray, "*points"],
         longitude_deg: Float[AnyArray, "*points"],
     ) -> Float[AnyArray, "*points"]:
-        """Read the mask at these places [degrees]; numpy in, numpy out."""
+        """Read the mask at these places [degrees]; numpy in, numpy out.
+
+        For many places it is compiled, in float64 for the host: JAX in, JAX out.
+        """
 
 
 class MaskGrid(AbstractMask):
@@ -270,7 +273,8 @@ class UniformMask(AbstractMask):
     ) -> Float[AnyArray, "*points"]:
         """Give the same value for all places."""
         del longitude_deg
-        return np.full(np.shape(latitude_deg), float(self.mask))
+        xp = namespace(latitude_deg)
+        return xp.broadcast_to(xp.asarray(self.mask), latitude_deg.shape)
 
 
 class DrawnMask(AbstractMask):
@@ -288,10 +292,8 @@ class DrawnMask(AbstractMask):
         longitude_deg: Float[AnyArray, "*points"],
     ) -> Float[AnyArray, "*points"]:
         """Read the mask where the air at these places [degrees] came from."""
-        places = np.asarray(latitude_deg), np.asarray(longitude_deg)
-        source = self.displacement.upwind(up(*places))
-        φ = np.degrees(np.arcsin(np.clip(source[..., 2], -1, 1)))
-        return self.mask(φ, np.degrees(np.arctan2(source[..., 1], source[..., 0])))
+        source = self.displacement.upwind(up(latitude_deg, longitude_deg))
+        return self.mask(*angles_of(source))
 
 
 class BlendedMask(AbstractMask):
