@@ -26,9 +26,9 @@ class HardCloud(StraightCloud):
     def pixel(self, way, steps):
         return Footprint.level(0 * way.width_m, way.stretch)
 
-    def occupancy(self, samples, steps):
-        soft = super().occupancy(samples, steps)
-        return eqx.tree_at(lambda o: o.fraction, soft, jnp.round(soft.fraction))
+    def level(self, value, common, own):
+        shifted, share = super().level(value, common, own)
+        return shifted, jnp.round(share)
 
 
 def hardened(scene: Scene) -> Scene:

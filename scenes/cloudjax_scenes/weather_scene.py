@@ -6,6 +6,7 @@ and temperatures come from weather analyses, the ground from a table.
 
 import functools as ft
 import itertools as it
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,6 +28,7 @@ from cloudjax import (
     ProfileGrid,
     ReflectiveBands,
     Scene,
+    Shell,
     StandardAtmosphere,
     TemperatureGrid,
     class_layer,
@@ -56,6 +58,10 @@ from .weather_decision import (
 from .winds import AirMotion, Winds
 
 
+# Errors are alike where steps grow with the root of a shell's depth; shells of so
+# much air have all that are asked (docs/accuracy/speed.md). Others have one of few
+# parts, for layers of one number are compiled faster, and no less than so many.
+_DEEP_M, _PARTS, _FEWEST_STEPS = 12e3, (1 / 3, 1 / 2, 1.0), 3
 # Levels of the temperature field, linear in between.
 _LEVELS_M = np.arange(0.0, 16e3, 500.0)
 
@@ -70,8 +76,8 @@ class World:
     - `classes`: of cloud, by name.
     - `decision`: on where they are: all that the analyses tell, or Table 1.
     - `seed`: of all textures.
-    - `steps`: through each shell; `nodes`: sub-pixel structures that radiances are
-      averaged over.
+    - `steps`: through the deepest shells, see `steps_through`; `nodes`: sub-pixel
+      structures that radiances are averaged over.
     - `omega_sign`: of the vertical wind, see `cloudjax.cloud_fraction`.
     - `light`: the strategy for sunlight, one of `lights.LIGHTS`.
     - `air`: whether gases and Rayleigh scattering count.
@@ -178,7 +184,7 @@ class World:
                 sunlit=[band.number for band in sunlit],
                 thermal=[band.number for band in emissive],
                 seed=self.seed + 100 * i,
-                steps=self.steps,
+                steps=steps_through(one.marched, self.steps),
                 nodes=self.nodes,
                 extinction_share=self.strategy.share,
                 mask=self._mask(name, one, winds),
@@ -229,7 +235,7 @@ class World:
     @ft.cached_property
     def _masks(self) -> dict[str, MaskOf]:
         return {
-            name: self.decision.mask(one, self.steps)
+            name: self.decision.mask(one, steps_through(one.marched, self.steps))
             for name, one in self.classes.items()
         }
 
@@ -260,6 +266,13 @@ class World:
         nodes = _filled(np.stack(levels, axis=-1))
         grid = LatLonGrid.from_axes(*_axes(cube.data))
         return TemperatureGrid(nodes, grid, float(_LEVELS_M[1]))
+
+
+def steps_through(shell: Shell, steps: int) -> int:
+    """Return the steps of the march through a shell, so many through the deepest."""
+    share = math.sqrt(shell.depth_m / _DEEP_M)
+    part = min(_PARTS, key=lambda part: abs(math.log(part / share)))
+    return max(math.ceil(steps * part), min(steps, _FEWEST_STEPS))
 
 
 def open_world(

@@ -297,7 +297,7 @@ class FractalCloud(AbstractCloudSource):
             # As many clouds stand in smooth places as in rough ones.
             value = value + ((1 - rough) * f.margin)[:, None]
         common, own, steep = self._unresolved(samples, amplitudes, rough)
-        shifted, fraction = level_set(value, common, f.smoothing**2 + own, self.latent)
+        shifted, fraction = self.level(value, common, f.smoothing**2 + own)
         growth = self.extinction_growth * jnp.maximum(shifted, 0)
         fraction = fraction * jnp.exp(jnp.clip(growth, -_MOST_GROWTH, _MOST_GROWTH))
         if placed is not None:
@@ -312,6 +312,13 @@ class FractalCloud(AbstractCloudSource):
                 steep,
             )
         return Occupancy(fraction, self.latent.weights, slopes)
+
+    def level(self, value, common, own):
+        """Find the cloud function for each node, and the share of cloud in each step.
+
+        **Arguments:** as of `level_set`.
+        """
+        return level_set(value, common, own, self.latent)
 
     def _unresolved(self, samples: FractalSamples, amplitudes, rough):
         """Variance that pixels take: of the common part, of the rest, of slopes."""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import Camera, FractalCloud, cloud_classes, nominal_bands
+from cloudjax import Camera, FractalCloud, Shell, cloud_classes, nominal_bands
 from cloudjax.geometry.geodesy import up
 from cloudjax.march.radiances import see_clear
 from cloudjax.march.view import look_around
@@ -23,7 +23,7 @@ from cloudjax_data import (
 )
 from cloudjax_scenes.ground_cover import SEA
 from cloudjax_scenes.weather_decision import Table1
-from cloudjax_scenes.weather_scene import World
+from cloudjax_scenes.weather_scene import World, steps_through
 from tests.generated_grib import write_grib
 
 
@@ -226,6 +226,14 @@ def test_band_7_reflects_and_emits_by_day_and_emits_by_night(tmp_path):
     # 14.655 mW m⁻² (cm⁻¹)⁻¹ of sunlight at 1 astronomical unit, over π.
     reflected = 0.02 * sun * 14.655 / np.pi / earth_sun_distance_au(TIME) ** 2
     np.testing.assert_allclose(seen[True] - seen[False], [reflected, 0], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("depth_m", "steps", "found"),
+    [(14e3, 24, 24), (3e3, 24, 12), (1e3, 24, 8), (1e3, 6, 3), (1e3, 2, 2)],
+)
+def test_thin_shells_have_fewer_steps(depth_m, steps, found):
+    assert steps_through(Shell(500.0, 500.0 + depth_m), steps) == found
 
 
 def test_shadows_are_asked_in_steps_and_for_physical_light(tmp_path):
