@@ -31,7 +31,11 @@ class Share(click.ParamType):
 
 
 _OPTIONS = (
-    click.option("--steps", type=click.IntRange(1), help="Through each cloud shell."),
+    click.option(
+        "--steps",
+        type=click.IntRange(1),
+        help="Through each cloud shell; over weather, through the deepest.",
+    ),
     click.option(
         "--nodes", type=click.IntRange(1), help="Sub-pixel structures; 1 is quickest."
     ),
