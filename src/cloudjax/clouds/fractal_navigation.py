@@ -7,6 +7,7 @@ What is compiled is shared by as many clouds as can be: each takes a second.
 import functools as ft
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -27,9 +28,7 @@ from .fractal_path import FractalPath
 
 
 @compiled_for_many("knots", handed_over=True)
-def at_knots(
-    rays: Rays, chord: Chords, knots: int
-) -> tuple[Float[HostArray, "rays 1 3 further"], *tuple[HostArray, ...]]:
+def at_knots(rays: Rays, chord: Chords, knots: int) -> tuple[Any, ...]:
     """Find ways from the entry to further knots [m]; verticals and altitudes of the
     knots; widths of the pixels; and what `path_from` makes a path of.
     """
@@ -65,7 +64,8 @@ def masked(
     """
     if mask is None:
         return namespace(upward).zeros(upward.shape[:-1])
-    return mask(*angles_of(upward))
+    found: Any = mask(*angles_of(upward))
+    return found
 
 
 def blown(

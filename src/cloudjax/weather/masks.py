@@ -7,6 +7,7 @@ probit, so that a standardised texture cut at zero covers just that fraction.
 """
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -273,8 +274,9 @@ class UniformMask(AbstractMask):
     ) -> Float[AnyArray, "*points"]:
         """Give the same value for all places."""
         del longitude_deg
-        xp = namespace(latitude_deg)
-        return xp.broadcast_to(xp.asarray(self.mask), latitude_deg.shape)
+        places: Any = latitude_deg
+        xp = namespace(places)
+        return xp.broadcast_to(xp.asarray(self.mask), places.shape)
 
 
 class DrawnMask(AbstractMask):
@@ -292,7 +294,8 @@ class DrawnMask(AbstractMask):
         longitude_deg: Float[AnyArray, "*points"],
     ) -> Float[AnyArray, "*points"]:
         """Read the mask where the air at these places [degrees] came from."""
-        source = self.displacement.upwind(up(latitude_deg, longitude_deg))
+        places: Any = latitude_deg, longitude_deg
+        source: Any = self.displacement.upwind(up(*places))
         return self.mask(*angles_of(source))
 
 
