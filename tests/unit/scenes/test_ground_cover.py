@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cloudjax import LatLonGrid
 from cloudjax_scenes.ground_cover import (
     FOREST,
     HERBS,
@@ -10,6 +11,7 @@ from cloudjax_scenes.ground_cover import (
     SEA,
     SNOW,
     SOIL,
+    GroundCover,
     ground_cover,
 )
 
@@ -130,6 +132,16 @@ def test_nothing_breaks_at_the_date_line(latitude_deg):
     shares = near.shares.T
     np.testing.assert_allclose(shares[1], shares[2], atol=1e-9)
     np.testing.assert_allclose(shares[0], shares[3], atol=0.02)
+
+
+def test_cells_on_both_sides_of_the_date_line_are_neighbours():
+    """Lakes in the last cells before it: half of them are left on the line itself."""
+    grid = LatLonGrid.from_axes(np.arange(-85.0, 90, 10), np.arange(-175.0, 180, 10))
+    kinds = np.zeros((5, *grid.shape), np.float32)
+    kinds[0, :, -1] = 1
+    cover = GroundCover(np.ones(grid.shape, np.float32), grid, kinds, grid)
+    found = cover.at(np.zeros(4), np.array([175.0, 180.0, -180.0, -175.0]))
+    np.testing.assert_allclose(found.water, [1, 0.5, 0.5, 0], atol=1e-6)
 
 
 def test_spectra_go_the_way_that_their_kinds_do():
