@@ -198,7 +198,7 @@ class AbstractMask(eqx.Module):
     ) -> Float[AnyArray, "*points"]:
         """Read the mask at these places [degrees]; numpy in, numpy out.
 
-        For many places it is compiled, in float64 for the host: JAX in, JAX out.
+        For many places it is compiled, in the precision of the device: JAX in, JAX out.
         """
 
 
