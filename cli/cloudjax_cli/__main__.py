@@ -1,4 +1,4 @@
-"""`python -m cloudjax_fit.cli`."""
+"""`python -m cloudjax_cli`."""
 
 from cloudjax_cli import main
 

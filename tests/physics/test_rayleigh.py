@@ -46,6 +46,9 @@ def test_the_phase_function_has_a_mean_of_one():
     assert rayleigh.phase_function(jnp.asarray(x, float)) @ weight == pytest.approx(2)
 
 
+# numpy from 2.5 on gives the oracle complex eigenvalues; what it makes of them is held
+# against ours here.
+@pytest.mark.filterwarnings("default:Some eigenvalues of the coefficient:UserWarning")
 @pytest.mark.parametrize("depth", [0.0155, 0.0524, 0.185])
 def test_reflectance_and_transmittance_are_those_of_disort(depth):
     """Geometry: air of the depths of bands 3, 2 and 1 over nothing, cosines from 0.1.

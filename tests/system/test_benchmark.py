@@ -12,9 +12,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def bench(*options: object) -> subprocess.CompletedProcess[str]:
+def bench(
+    *options: object, script: str = "bench.py"
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "benchmarks/bench.py", *map(str, options)],
+        [sys.executable, f"benchmarks/{script}", *map(str, options)],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -78,3 +80,22 @@ def test_a_part_that_does_not_exist_is_refused():
     done = bench("--only", "table4")
     assert done.returncode == 2
     assert "table4" in done.stderr
+
+
+@pytest.mark.slow
+def test_pictures_and_derivatives_of_a_device_are_timed(tmp_path, monkeypatch):
+    monkeypatch.setenv("CLOUDJAX_DATA", str(tmp_path))
+    done = bench(
+        "--devices", "cpu", "--pixels", 60, "-o", tmp_path, script="devices.py"
+    )
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "devices.md").read_text()
+    assert "disc 60², 2 steps, 1 nodes, prepared" in text
+    assert "gradient, 3600 rays" in text
+
+
+def test_a_device_that_is_not_there_is_refused(tmp_path):
+    done = bench("--devices", "tpu", "-o", tmp_path, script="devices.py")
+    assert done.returncode == 2
+    assert "--devices" in done.stderr
+    assert not any(tmp_path.iterdir())
