@@ -59,3 +59,14 @@ def test_an_empty_stretch_dims_nothing_and_stays_finite():
     assert isinstance(where, Within)
     clear = where.read(jnp.ones((1, 4)))
     np.testing.assert_array_equal(clear, 1)
+
+
+@pytest.mark.parametrize("overlapping", [True, False])
+def test_a_transmittance_is_read_where_cloud_is_met(overlapping):
+    """Where none is, a profile is 1 by itself, and is not searched."""
+    own, other = _stretch(0.0, 300.0), _stretch(100.0, 300.0)
+    where = place(other, 3, own, numbers(150.0, 250.0)[None], overlapping=overlapping)
+    met = where.through(PROFILE, jnp.asarray(True))
+    np.testing.assert_array_equal(met, where.read(PROFILE))
+    clear = where.through(jnp.ones_like(PROFILE), jnp.asarray(False))
+    np.testing.assert_array_equal(clear, jnp.ones_like(met))

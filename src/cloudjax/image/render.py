@@ -43,6 +43,8 @@ from .tiling import Sight, batches, some_rays
 
 # Tiles that are navigated at once: numpy and XLA have a price per call.
 _TILES_AT_ONCE = 4
+# Rays of a tile that a core of a CPU marches at once.
+_BLOCK = 2048
 # Tiles in a job of one core, out of which those are taken that are read alike.
 _TILES_IN_JOB = 16
 
@@ -258,12 +260,25 @@ def _whole_tile(tile: int | None) -> int:
 @ft.partial(jax.jit, static_argnames="with_products")
 def _seen(scene: Scene, view: View | Surroundings, *, with_products: bool):
     """Radiances, and products in the same march, by all devices."""
-    one = ft.partial(_seen_by_one, with_products=with_products)
+    one = ft.partial(_block_by_block, with_products=with_products)
     return shared_out(one, scene, view)
 
 
+def _block_by_block(scene: Scene, view: View | Surroundings, *, with_products: bool):
+    """The same by one device: few rays meet fewer of the layers."""
+    one = ft.partial(_seen_by_one, scene, with_products=with_products)
+    rays = len(jax.tree.leaves(view)[0])
+    if rays % _BLOCK or jax.default_backend() != "cpu":
+        return one(view)
+    blocks = jax.tree.map(lambda x: x.reshape(-1, _BLOCK, *x.shape[1:]), view)
+    seen = jax.lax.map(one, blocks)
+    return jax.tree.map(
+        lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1), seen
+    )
+
+
 def _seen_by_one(scene: Scene, view: View | Surroundings, *, with_products: bool):
-    """The same by one device; clear tiles are not marched."""
+    """The same of one block; where all is clear it is not marched."""
 
     def asked(both):
         return both if with_products else (both[0], None)

@@ -8,15 +8,24 @@ from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
+
+# Whether any of some rays meets a way's cloud; True where that does not matter, for
+# a single ray among others that are seen alike.
+Met = Bool[Array, ""] | bool
 
 _In = TypeVar("_In")
 _Out = TypeVar("_Out")
 
 
+def any_met(share: Float[Array, " rays"]) -> Met:
+    """Tell whether any ray meets a way's cloud."""
+    return True if share.shape == (1,) else (share > 0).any()
+
+
 def each_met(
-    met: Sequence[Bool[Array, ""]],
+    met: Sequence[Met],
     found: Callable[[_In], _Out],
     missed: Callable[[_In], _Out],
     items: Sequence[_In],
@@ -27,6 +36,9 @@ def each_met(
     **Arguments:** `met`: whether any ray meets the cloud of an item; elsewhere `missed`
     says what holds.
     """
+
+    if any(some is True for some in met):
+        return [found(item) for item in items]
 
     def one(both):
         return jax.lax.cond(both[0], found, missed, both[1])
@@ -44,6 +56,28 @@ def each_met(
         for place, i in enumerate(members):
             results[i] = jax.tree.map(lambda x, at=place: x[at], together)
     return [results[i] for i in range(len(items))]
+
+
+def if_met(
+    met: Met,
+    found: Callable[..., _Out],
+    missed: Any,
+    *operands: Any,
+) -> _Out:
+    """Find something where cloud is met, and compute nothing elsewhere.
+
+    **Arguments:** `missed`: what holds there, one number for each array.
+    """
+    if met is True:
+        return found(*operands)
+    shapes = jax.eval_shape(found, *operands)
+
+    def nothing(*_: Any) -> _Out:
+        return jax.tree.map(
+            lambda x, one: jnp.full(x.shape, one, x.dtype), shapes, missed
+        )
+
+    return jax.lax.cond(met, found, nothing, *operands)
 
 
 def nothing_like(function: Callable[[_In], _Out], item: _In) -> _Out:

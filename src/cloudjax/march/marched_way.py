@@ -1,5 +1,6 @@
 """The layers of a scene, each marched along its own ways."""
 
+import functools as ft
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -7,12 +8,13 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from cloudjax.clouds.source import Occupancy
 from cloudjax.geometry.path import Path, Profile
+from cloudjax.light.emission import Factors
 
-from .alike import nothing_like
+from .alike import Met, any_met, if_met, nothing_like
 from .march import March, march
 from .order import AbstractPlace, Stretch, overlap, place
 from .scene import Layer, Scene
@@ -21,7 +23,7 @@ from .view import View
 
 # Where a layer's cloud is less likely there is none. The likelihood is that of a point;
 # a column of many, and noise with long tails, cover ten times as much.
-LEAST_OF_LAYER = 1e-6
+LEAST_OF_LAYER = 1e-5
 
 
 class MarchedWay(eqx.Module):
@@ -39,7 +41,7 @@ class MarchedWay(eqx.Module):
     """
 
     layer: Layer
-    met: Bool[Array, ""]
+    met: Met
     path: Path
     start_m: Float[Array, " rays"]
     whole_m: Float[Array, " rays"]
@@ -67,16 +69,50 @@ class MarchedWay(eqx.Module):
         """Cosine of the viewer's zenith angle at the entry."""
         return jnp.abs(jnp.sum(self.path.entry_up * self.path.direction, axis=-1))
 
-    def unhidden(
-        self, profiles: Sequence[Float[Array, "rays nodes"]]
-    ) -> Float[Array, "rays points"]:
-        """Transmittance of all other ways in front of each step."""
-        clear = jnp.ones_like(self.path.length_m)[:, None]
-        for where, profile in zip(self.places, profiles, strict=True):
-            if where is not None:
-                clear = clear * where.read(profile)
-        # XLA would read all profiles anew for each use.
-        return jax.lax.optimization_barrier(clear)
+    def stops(
+        self, extinction_per_m: Float[Array, ""], factors: Factors | None = None
+    ) -> "Stops":
+        """Find what of the light looking back each step stops.
+
+        **Arguments:** `factors`: what scattering changes of that.
+        """
+
+        def found(passed: March, per_m: Array, factors: Factors | None):
+            absorbed, stopped = passed.absorbed(per_m), None
+            if factors is not None:
+                absorbed = absorbed * factors.emitted[..., None]
+                stopped = factors.stopped
+            return passed.mean(absorbed), passed.transmittance(per_m, stopped)
+
+        operands = self.passed, extinction_per_m, factors
+        return Stops(self.met, *if_met(self.met, found, (0.0, 1.0), *operands))
+
+    def behind(
+        self, others: Sequence["Stops"]
+    ) -> list[Float[Array, "rays points"] | None]:
+        """Find what each other way lets through in front of each step; None of itself.
+
+        **Arguments:** `others`: of all ways.
+        """
+        return [
+            None if where is None else where.through(some.through, self.met & some.met)
+            for where, some in zip(self.places, others, strict=True)
+        ]
+
+
+class Stops(eqx.Module):
+    """What each step of a way stops, the mean over its sub-pixel structures.
+
+    **Fields:**
+
+    - `met`: whether cloud is likely on any ray.
+    - `within`: the share of light that each step stops, with other ways taken away.
+    - `through`: the transmittance from the entry to the ends of the steps.
+    """
+
+    met: Met
+    within: Float[Array, "rays steps"]
+    through: Float[Array, "rays ends"]
 
 
 def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
@@ -118,7 +154,7 @@ def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
     return [
         MarchedWay(
             layer,
-            (shares[i] > 0).any(),
+            any_met(shares[i]),
             path,
             begun[i],
             view.samples[i].path.length_m,
@@ -156,6 +192,7 @@ def shares_of_ways(
 
 def _occupancy(layer: Layer, samples: Any, share: Float[Array, " rays"]) -> Occupancy:
     """The cloud of a way, none where it has no share."""
+    met = any_met(share)
 
     def found(some) -> Occupancy:
         occupancy = layer.cloud.occupancy(some, layer.steps)
@@ -166,23 +203,45 @@ def _occupancy(layer: Layer, samples: Any, share: Float[Array, " rays"]) -> Occu
     none = nothing_like(found, samples)
     weights = jnp.full_like(none.weights, 1 / none.weights.shape[0])
     missed = replace(none, weights=weights)
-    return jax.lax.cond((share > 0).any(), found, lambda _: missed, samples)
+    if met is True:
+        return found(samples)
+    return jax.lax.cond(met, found, lambda _: missed, samples)
 
 
-def stopped_light(ways: Sequence[MarchedWay]) -> list[Float[Array, "rays steps"]]:
-    """Share of the light looking back that each step of each way stops."""
-    profiles = [way.passed.transmittance(way.layer.extinction_per_m) for way in ways]
-    return [
-        way.passed.mean(way.passed.absorbed(way.layer.extinction_per_m))
-        * way.unhidden(profiles)
-        for way in ways
+class Seen(eqx.Module):
+    """What the light looking back meets of all ways, one in front of the other.
+
+    **Fields:**
+
+    - `stops`: of each way by itself.
+    - `behind`: what each other way lets through in front of the steps of each.
+    - `steps`: share of the light that each step of each way stops.
+    """
+
+    stops: list[Stops]
+    behind: list[list[Float[Array, "rays points"] | None]]
+    steps: list[Float[Array, "rays steps"]]
+
+
+def seen(ways: Sequence[MarchedWay], stops: list[Stops]) -> Seen:
+    """Put the ways in front of each other."""
+    behind = [way.behind(stops) for way in ways]
+    steps = [
+        ft.reduce(jnp.multiply, (x for x in before if x is not None), own.within)
+        for before, own in zip(behind, stops, strict=True)
     ]
+    return Seen(stops, behind, steps)
 
 
-def top_altitude_m(ways: Sequence[MarchedWay]) -> Float[Array, " rays"]:
+def seen_first(ways: Sequence[MarchedWay]) -> Seen:
+    """See the ways at the reference band."""
+    return seen(ways, [way.stops(way.layer.extinction_per_m) for way in ways])
+
+
+def top_altitude_m(ways: Sequence[MarchedWay], first: Seen) -> Float[Array, " rays"]:
     """Mean altitude of the first surface; 0 where nothing is met."""
     height = total = jnp.zeros_like(ways[0].path.length_m)
-    for way, stopped in zip(ways, stopped_light(ways), strict=True):
+    for way, stopped in zip(ways, first.steps, strict=True):
         height = height + (stopped * way.altitude_m).sum(-1)
         total = total + stopped.sum(-1)
     met = total > 1e-3

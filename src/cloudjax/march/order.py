@@ -9,10 +9,13 @@ from.
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from cloudjax.geometry.shells import Shell
+
+from .alike import Met, if_met
 
 
 class Stretch(eqx.Module):
@@ -33,6 +36,13 @@ class AbstractPlace(eqx.Module):
     def read(self, profile: Float[Array, "rays nodes"]) -> Float[Array, "rays points"]:
         """A profile from the start to the end of the stretch, linear between nodes."""
 
+    def through(
+        self, profile: Float[Array, "rays nodes"], met: Met
+    ) -> Float[Array, "rays points"]:
+        """Read a transmittance, which is 1 everywhere where no cloud is `met`."""
+        del met
+        return self.read(profile)
+
 
 class Apart(AbstractPlace):
     """All points of a ray on one side of the other stretch.
@@ -50,17 +60,23 @@ class Apart(AbstractPlace):
 class Within(AbstractPlace):
     """Points anywhere.
 
-    **Fields:** `index`, `weight`: of the node before, and of the one after it.
+    **Fields:** `at`: in steps from the start of the stretch.
     """
 
-    index: Int[Array, "rays points"]
-    weight: Float[Array, "rays points"]
+    at: Float[Array, "rays points"]
 
     def read(self, profile: Float[Array, "rays nodes"]) -> Float[Array, "rays points"]:
         """A profile from the start to the end of the stretch, linear between nodes."""
-        before = jnp.take_along_axis(profile, self.index, axis=1)
-        after = jnp.take_along_axis(profile, self.index + 1, axis=1)
-        return before + self.weight * (after - before)
+        index = jnp.minimum(jnp.floor(self.at), profile.shape[1] - 2).astype(jnp.int32)
+        before = jnp.take_along_axis(profile, index, axis=1)
+        after = jnp.take_along_axis(profile, index + 1, axis=1)
+        return before + (self.at - index) * (after - before)
+
+    def through(
+        self, profile: Float[Array, "rays nodes"], met: Met
+    ) -> Float[Array, "rays points"]:
+        """Read a transmittance, which is 1 everywhere where no cloud is `met`."""
+        return if_met(met, lambda where, some: where.read(some), 1.0, self, profile)
 
 
 def overlap(one: Shell, other: Shell) -> bool:
@@ -83,6 +99,6 @@ def place(
         return Apart((own.start_m > stretch.start_m)[:, None])
     ahead = (own.start_m - stretch.start_m)[:, None] + distance_m
     at = ahead / jnp.maximum(stretch.length_m, 1e-3)[:, None] * steps
-    at = jnp.clip(at, 0, steps)
-    index = jnp.minimum(jnp.floor(at), steps - 1).astype(jnp.int32)
-    return Within(index, at - index)
+    # XLA would find it anew for the node and for how far beyond, and round the two
+    # differently: at a node that is a step off.
+    return Within(jax.lax.optimization_barrier(jnp.clip(at, 0, steps)))

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from cloudjax.clouds.visibility import unseen
 
-from .marched_way import MarchedWay, stopped_light, top_altitude_m
+from .marched_way import MarchedWay, Seen, top_altitude_m
 from .scene import Scene
 
 
@@ -46,27 +46,27 @@ def no_cloud(layers: int, rays: int) -> CloudProducts:
 def products_of(
     scene: Scene,
     ways: Sequence[MarchedWay],
+    first: Seen,
     layer_of: Sequence[int],
     cloudy: Float[Array, " rays"],
 ) -> CloudProducts:
     """Sum up what the ways have met.
 
-    **Arguments:** `cloudy`: of each ray, the share that is not clear by decision
-    (`radiances.cloud_share`).
+    **Arguments:** `first`: of the reference band. `cloudy`: of each ray, the share that
+    is not clear by decision (`radiances.cloud_share`).
     """
     rays = ways[0].path.length_m.shape
     clear = jnp.ones(rays)
     depths = [jnp.zeros(rays) for _ in scene.layers]
     share = [jnp.zeros(rays) for _ in scene.layers]
-    stops = stopped_light(ways)
-    for i, way, stopped in zip(layer_of, ways, stops, strict=True):
+    for i, way, stopped in zip(layer_of, ways, first.steps, strict=True):
         β = way.layer.extinction_per_m
         vertical = β * way.passed.depth_m * way.view_height[None]
         clear = clear * way.passed.mean(unseen(vertical))
         depths[i] = depths[i] + way.passed.mean(vertical)
         share[i] = share[i] + stopped.sum(-1)
     met = (sum(share, jnp.zeros(rays)) > 1e-3) & (cloudy > 0)
-    top = jnp.where(met, top_altitude_m(ways), jnp.nan)
+    top = jnp.where(met, top_altitude_m(ways, first), jnp.nan)
     # Weights of a quadrature add up to one but for rounding.
     cover = jnp.clip(1 - clear, 0, 1)
     each = cloudy[None]

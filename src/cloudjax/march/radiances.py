@@ -11,7 +11,9 @@ from jaxtyping import Array, Float
 from .background import background
 from .marched_way import (
     MarchedWay,
+    Seen,
     march_layers,
+    seen_first,
     shares_of_ways,
     top_altitude_m,
 )
@@ -67,13 +69,14 @@ def see(scene: Scene, view: View) -> tuple[BandRadiances, CloudProducts]:
     if not view.samples:
         return clear, clouds
     ways = march_layers(scene, view)
+    first = seen_first(ways)
     share = cloud_share(scene, view.samples, view.layer_of)
     seen = jax.tree.map(
         lambda some, none: _mixed(share, some, none),
-        _cloudy(scene, view, ways),
+        _cloudy(scene, view, ways, first),
         clear,
     )
-    return seen, products_of(scene, ways, view.layer_of, share)
+    return seen, products_of(scene, ways, first, view.layer_of, share)
 
 
 def see_clear(
@@ -110,15 +113,18 @@ def _mixed(share, some, none):
     return jnp.where(share == 1, some, jnp.where(share == 0, none, mixed))
 
 
-def _cloudy(scene: Scene, view: View, ways: Sequence[MarchedWay]) -> BandRadiances:
+def _cloudy(
+    scene: Scene, view: View, ways: Sequence[MarchedWay], first: Seen
+) -> BandRadiances:
     behind, column = background(scene, view.around), view.around.column
     reflective = emissive = None
     if scene.reflective is not None and behind.reflectance is not None:
         bands = scene.reflective
-        source, passed = reflected(scene, ways, view, behind.reflectance)
+        source, passed = reflected(scene, ways, first, view, behind.reflectance)
         path = bands.path[:, None]
         if scene.air is not None and column is not None:
-            air = scene.air.veil(bands, column, scene.temperature, top_altitude_m(ways))
+            top = top_altitude_m(ways, first)
+            air = scene.air.veil(bands, column, scene.temperature, top)
             source = air.over(source, column.sun)
             path = path + air.path
         seen = under_air(source, passed, behind.reflectance, path, bands.gain)
@@ -126,7 +132,7 @@ def _cloudy(scene: Scene, view: View, ways: Sequence[MarchedWay]) -> BandRadianc
             seen = seen + behind.glint * beam(ways, view.around.ground.sun_height)
         reflective = bands.radiance(seen)
     if scene.emissive is not None and behind.radiance is not None:
-        source, passed = emitted(scene, ways, column)
+        source, passed = emitted(scene, ways, first, column)
         bands, clear = scene.emissive, behind.radiance
         emissive = under_air(source, passed, clear, bands.path[:, None], bands.gain)
     return BandRadiances(reflective, emissive)

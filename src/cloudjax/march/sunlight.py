@@ -12,13 +12,16 @@ from cloudjax.light.reflection import AbstractReflection, Illumination, Returned
 
 from .alike import each_met
 from .march import first_surface
-from .marched_way import MarchedWay
+from .marched_way import MarchedWay, Seen
 from .scene import Scene
 from .shadows import dimming
+from .slabs import in_slabs
 from .view import View
 
 
-def reflected(scene: Scene, ways: Sequence[MarchedWay], view: View, background):
+def reflected(
+    scene: Scene, ways: Sequence[MarchedWay], first: Seen, view: View, background
+):
     """Find the reflectance factor of all cloud and its transmittance, [bands rays].
 
     A layer's light is dimmed by what lies in front of the part of it that is seen. What
@@ -33,7 +36,7 @@ def reflected(scene: Scene, ways: Sequence[MarchedWay], view: View, background):
         jax.vmap(way.passed.mean)(dim * own.reflectance)
         for way, own, dim in zip(ways, returned, dimmed, strict=True)
     ]
-    before = [_before(way, ways) for way in ways]
+    before = [_before(i, first) for i in range(len(ways))]
     passed = []
     for i, (way, light, own) in enumerate(zip(ways, lights, returned, strict=True)):
         behind = background
@@ -80,8 +83,6 @@ def _returned(
     lights: Sequence[Illumination],
 ) -> list[Returned]:
     """What becomes of sunlight in each way's cloud, [bands nodes rays]."""
-    # All bands in one, or the strategy would be compiled anew for each.
-    each_band = jax.vmap(reflection, in_axes=(0, 0, None))
     slabs = [
         (
             way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
@@ -91,11 +92,13 @@ def _returned(
         for way, light in zip(ways, lights, strict=True)
     ]
 
-    met = [way.met for way in ways]
+    def by_none(slab):
+        return jax.vmap(Returned.by_none)(slab[0])
+
     return each_met(
-        met,
-        lambda slab: each_band(*slab),
-        lambda slab: jax.vmap(Returned.by_none)(slab[0]),
+        [way.met for way in ways],
+        lambda slab: in_slabs(reflection, *slab, by_none(slab)),
+        by_none,
         slabs,
     )
 
@@ -122,20 +125,17 @@ def _turning_part(way: MarchedWay) -> Float[Array, " rays"]:
     return jnp.sum(weight * way.part, axis=-1) / total
 
 
-def _before(
-    way: MarchedWay, others: Sequence[MarchedWay]
-) -> list[Float[Array, " rays"] | None]:
+def _before(i: int, first: Seen) -> list[Float[Array, " rays"] | None]:
     """The share of each other way's cloud that is in front of what is seen of one."""
-    seen = way.passed.mean(way.passed.absorbed(way.layer.extinction_per_m))
-    total = jnp.maximum(seen.sum(-1), 1e-9)
+    own = first.stops[i].within
+    total = jnp.maximum(own.sum(-1), 1e-9)
     shares = []
-    for where, other in zip(way.places, others, strict=True):
-        if where is None:
+    for through, other in zip(first.behind[i], first.stops, strict=True):
+        if through is None:
             shares.append(None)
             continue
-        profile = other.passed.transmittance(other.layer.extinction_per_m)
-        stopped = (1 - profile) / jnp.maximum(1 - profile[:, -1:], 1e-6)
-        shares.append((seen * where.read(stopped)).sum(-1) / total)
+        whole = jnp.maximum(1 - other.through[:, -1], 1e-6)
+        shares.append((own * (1 - through)).sum(-1) / whole / total)
     return shares
 
 

@@ -5,18 +5,55 @@ from typing import cast
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from cloudjax.air.clear_air import Column
 from cloudjax.light.bands import EmissiveBands
 from cloudjax.light.emission import Factors
 
-from .alike import each_met
-from .marched_way import MarchedWay, top_altitude_m
+from .alike import each_met, if_met
+from .marched_way import MarchedWay, Seen, seen, top_altitude_m
 from .scene import Scene
+from .slabs import in_slabs
 
 
-def _black_bodies(scene: Scene, ways: Sequence[MarchedWay], column: Column | None):
+def emitted(
+    scene: Scene, ways: Sequence[MarchedWay], first: Seen, column: Column | None
+):
+    """Find the emitted radiance of all cloud and its transmittance, [bands rays].
+
+    Emission is integrated along the ray at the temperature of each step's altitude,
+    with what scattering changes where the scene asks for it.
+    """
+    planck, air = _black_bodies(scene, ways, first, column)
+    factors = _scattering(scene, ways)
+    absorptions = [way.layer.absorptions_per_m for way in ways]
+
+    def one(band):
+        per_m, factors, planck, air = band
+        stops = [
+            way.stops(κ, changed)
+            for way, κ, changed in zip(ways, per_m, factors, strict=True)
+        ]
+        total = emitting = jnp.zeros_like(ways[0].path.length_m)
+        through = jnp.ones_like(total)
+        for black, part, own in zip(
+            planck, seen(ways, stops).steps, stops, strict=True
+        ):
+            total = total + jnp.sum(part * black, axis=-1)
+            emitting = emitting + part.sum(-1)
+            through = through * own.through[:, -1]
+        if air is not None:
+            # The air above is seen before what scatters as before what emits.
+            total = total + jnp.maximum(1 - through - emitting, 0) * air
+        return total, through
+
+    # One after the other: what a band needs fits the cache, and is compiled once.
+    return jax.lax.map(one, (absorptions, factors, planck, air))
+
+
+def _black_bodies(
+    scene: Scene, ways: Sequence[MarchedWay], first: Seen, column: Column | None
+):
     """Radiance of black bodies at the temperature of each step's altitude.
 
     Of each way [bands rays steps], through the air above where the scene has air; then
@@ -26,10 +63,19 @@ def _black_bodies(scene: Scene, ways: Sequence[MarchedWay], column: Column | Non
     if scene.air is not None and column is not None:
         emission = scene.air.emission(bands, column, scene.temperature)
         black = [
-            emission.black_bodies(way.altitude_m, way.layer.cloud.shell) for way in ways
+            if_met(
+                way.met,
+                lambda emission, altitude_m, shell=way.layer.cloud.shell: (
+                    emission.black_bodies(altitude_m, shell)
+                ),
+                0.0,
+                emission,
+                way.altitude_m,
+            )
+            for way in ways
         ]
         return black, None if scene.emission is None else emission.above(
-            top_altitude_m(ways)
+            top_altitude_m(ways, first)
         )
     black = [
         bands.planck(
@@ -40,44 +86,11 @@ def _black_bodies(scene: Scene, ways: Sequence[MarchedWay], column: Column | Non
     return black, None
 
 
-def emitted(scene: Scene, ways: Sequence[MarchedWay], column: Column | None):
-    """Find the emitted radiance of all cloud and its transmittance, [bands rays].
-
-    Emission is integrated along the ray at the temperature of each step's altitude,
-    with what scattering changes where the scene asks for it.
-    """
-    planck, air = _black_bodies(scene, ways, column)
-    factors = _scattering(scene, ways)
-    absorptions = [way.layer.absorptions_per_m for way in ways]
-
-    def one(band):
-        per_m, factors, planck, air = band
-        shares = [
-            _thermal_shares(way, κ, changed)
-            for way, κ, changed in zip(ways, per_m, factors, strict=True)
-        ]
-        profiles = [profile for _, profile in shares]
-        total = emitting = jnp.zeros_like(profiles[0][:, 0])
-        through = jnp.ones_like(total)
-        for way, black, (seen, profile) in zip(ways, planck, shares, strict=True):
-            unhidden = seen * way.unhidden(profiles)
-            total = total + jnp.sum(unhidden * black, axis=-1)
-            emitting = emitting + unhidden.sum(-1)
-            through = through * profile[:, -1]
-        if air is not None:
-            # The air above is seen before what scatters as before what emits.
-            total = total + jnp.maximum(1 - through - emitting, 0) * air
-        return total, through
-
-    # One after the other: what a band needs fits the cache, and is compiled once.
-    return jax.lax.map(one, (absorptions, factors, planck, air))
-
-
 def _scattering(scene: Scene, ways: Sequence[MarchedWay]) -> list[Factors | None]:
     """What scattering changes in each way, [bands nodes rays]; None for absorbers."""
-    if scene.emission is None:
+    emission = scene.emission
+    if emission is None:
         return [None] * len(ways)
-    each_band = jax.vmap(scene.emission, in_axes=(0, 0, None))
     slabs = [
         (
             way.layer.absorptions_per_m[:, None, None] * way.passed.depth_m[None],
@@ -87,22 +100,13 @@ def _scattering(scene: Scene, ways: Sequence[MarchedWay]) -> list[Factors | None
         for way in ways
     ]
 
-    met = [way.met for way in ways]
+    def of_absorber(slab):
+        return jax.vmap(Factors.of_absorber)(slab[0])
+
     found = each_met(
-        met,
-        lambda slab: each_band(*slab),
-        lambda slab: jax.vmap(Factors.of_absorber)(slab[0]),
+        [way.met for way in ways],
+        lambda slab: in_slabs(emission, *slab, of_absorber(slab)),
+        of_absorber,
         slabs,
     )
     return [*found]
-
-
-def _thermal_shares(
-    way: MarchedWay, absorption_per_m: Float[Array, ""], factors: Factors | None
-):
-    """Of Planck's radiance of each step, and the transmittance to the steps' ends."""
-    absorbed = way.passed.absorbed(absorption_per_m)
-    if factors is None:
-        return way.passed.mean(absorbed), way.passed.transmittance(absorption_per_m)
-    seen = way.passed.mean(absorbed * factors.emitted[..., None])
-    return seen, way.passed.transmittance(absorption_per_m, factors.stopped)
