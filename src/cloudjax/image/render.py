@@ -265,7 +265,7 @@ def _seen(scene: Scene, view: View | Surroundings, *, with_products: bool):
 
 
 def _block_by_block(scene: Scene, view: View | Surroundings, *, with_products: bool):
-    """The same by one device: few rays meet fewer of the layers."""
+    """The same by one device, block by block: fewer rays meet fewer layers."""
     one = ft.partial(_seen_by_one, scene, with_products=with_products)
     rays = len(jax.tree.leaves(view)[0])
     if rays % _BLOCK or jax.default_backend() != "cpu":

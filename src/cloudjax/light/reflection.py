@@ -73,10 +73,15 @@ class Returned(eqx.Module):
 class AbstractReflection(eqx.Module):
     """A strategy of reflection says how sunlight comes back from a cloud.
 
-    **Fields:** `sees_slopes`: whether it asks how the surface is turned to the sun.
+    **Fields:**
+
+    - `sees_slopes`: whether it asks how the surface is turned to the sun.
+    - `is_quick`: whether to find the slabs with cloud takes longer than to evaluate it
+      for all of them.
     """
 
     sees_slopes: ClassVar[bool] = False
+    is_quick: ClassVar[bool] = False
 
     @abc.abstractmethod
     def __call__(
@@ -105,6 +110,7 @@ class TwoFlux(AbstractReflection):
 
     indirect: Float[Array, ""]
     sees_slopes: ClassVar[bool] = True
+    is_quick: ClassVar[bool] = True
 
     def __call__(self, optical_depth, particles, light):
         if light.lit is None or light.shaded is None:

@@ -50,8 +50,8 @@ def _in_slabs(strategy: Strategy, slabs: tuple, empty: Any):
     depth = slabs[0]
     # A device of many cores takes all of them in the time of some.
     if depth[0].size <= _AT_ONCE or jax.default_backend() != "cpu":
-        return _each_band(strategy)(*slabs)
-    return _where_filled(_each_band(strategy), slabs, empty)
+        return each_band(strategy)(*slabs)
+    return _where_filled(each_band(strategy), slabs, empty)
 
 
 def _derivative(primals, tangents):
@@ -63,7 +63,7 @@ def _derivative(primals, tangents):
         given = dict(zip(moved, some, strict=True))
         every = [given.get(i, leaf) for i, leaf in enumerate(leaves)]
         strategy, slabs = jax.tree.unflatten(structure, every)
-        return _each_band(strategy)(*slabs)
+        return each_band(strategy)(*slabs)
 
     return jax.jvp(found, [leaves[i] for i in moved], [changes[i] for i in moved])
 
@@ -71,8 +71,8 @@ def _derivative(primals, tangents):
 _in_slabs.defjvp(_derivative, symbolic_zeros=True)  # pyright: ignore[reportFunctionMemberAccess]
 
 
-def _each_band(strategy: Strategy):
-    # All bands in one, or the strategy would be compiled anew for each.
+def each_band(strategy: Strategy) -> Callable[..., Any]:
+    """Make a strategy one of all bands, which would be compiled anew for each."""
     return jax.vmap(strategy, in_axes=(0, 0, None))
 
 

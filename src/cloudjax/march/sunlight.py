@@ -15,7 +15,7 @@ from .march import first_surface
 from .marched_way import MarchedWay, Seen
 from .scene import Scene
 from .shadows import dimming
-from .slabs import in_slabs
+from .slabs import each_band, in_slabs
 from .view import View
 
 
@@ -95,9 +95,15 @@ def _returned(
     def by_none(slab):
         return jax.vmap(Returned.by_none)(slab[0])
 
+    def found(slab):
+        if reflection.is_quick:
+            return each_band(reflection)(*slab)
+        depth, particles, light = slab
+        return in_slabs(reflection, depth, particles, light, by_none(slab))
+
     return each_met(
         [way.met for way in ways],
-        lambda slab: in_slabs(reflection, *slab, by_none(slab)),
+        found,
         by_none,
         slabs,
     )
