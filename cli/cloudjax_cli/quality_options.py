@@ -1,9 +1,8 @@
 """How well to render: by name, by the error wanted, by the time allowed, or by hand."""
 
 import functools as ft
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,6 +10,8 @@ import click
 
 if TYPE_CHECKING:
     from cloudjax_scenes.quality import Quality
+    from cloudjax_scenes.trade.outline import Outline
+    from cloudjax_scenes.trade.stopwatch import Stopwatch
 
 
 class Share(click.ParamType):
@@ -126,41 +127,36 @@ class AskedQuality:
             standard, **known, scattering=self.scattering, shadows=self.shadows
         )
 
-    def by_measure(self, kind: str, pixels: int) -> "Choice":
-        """Choose from the front for a kind of scene, and say what and why.
-
-        **Arguments:** `pixels`: that see the Earth.
+    def by_measure(self, outline: "Outline") -> "Choice":
+        """Choose from the front for a scene, and say what and why.
 
         **Raises:** `DataError` where nothing measured is good or quick enough.
         """
         from cloudjax_scenes.trade.fronts import front_for
 
-        front, source = front_for(kind)
+        front, source = front_for(outline.kind)
         if self.max_error is not None:
-            trial = front.within_error(self.max_error)
+            found = front.within_error(self.max_error, outline)
         else:
             assert self.max_seconds is not None
-            trial = front.within_seconds(self.max_seconds, pixels)
-        expected_s = front.expected_s(trial, pixels)
+            found = front.within_seconds(self.max_seconds, outline)
         click.echo(
-            f"chosen: {trial.quality.words}, for an error of {trial.error:.2%} and "
-            f"{expected_s:.3g} s once compiled (front: {source})"
+            f"chosen: {found.quality.words}, for an error of {found.error:.2%} and "
+            f"{found.seconds:.3g} s to render once compiled (front: {source})"
         )
-        return Choice(trial.quality, expected_s)
+        return Choice(found.quality, found.seconds)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Choice:
     """A `Choice` is a quality, and the seconds expected of it once compiled."""
 
     quality: "Quality"
     expected_s: float
-    _began: float = field(default_factory=time.perf_counter)
 
-    def tell(self) -> None:
-        """Say how long the work took since the choice."""
-        took = time.perf_counter() - self._began
+    def tell(self, watch: "Stopwatch") -> None:
+        """Say how long the render took."""
         click.echo(
-            f"took {took:.3g} s with compiling, where {self.expected_s:.3g} s were "
-            "expected without"
+            f"rendered in {watch.took_s:.3g} s, where {self.expected_s:.3g} s were "
+            f"expected, and compiled in {watch.compiled_s:.3g} s"
         )

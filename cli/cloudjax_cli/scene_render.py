@@ -96,6 +96,7 @@ class SceneRender:
         from cloudjax_fit.parameter_file import read_parameters
         from cloudjax_scenes.band_image import chosen_quantities
         from cloudjax_scenes.image_file import write_image_and_picture
+        from cloudjax_scenes.trade.stopwatch import Stopwatch
 
         inputs = read_inputs(
             self.scene,
@@ -110,7 +111,9 @@ class SceneRender:
         imagery, seed = inputs.target.imagery, inputs.settings.fit.seed
         quantities = chosen_quantities(self.quantities, imagery.bands.values())
         quality, choice = self._chosen(inputs)
-        image, values = fitted_image(inputs, quality)
+        watch = Stopwatch()
+        with watch.running():
+            image, values = fitted_image(inputs, quality)
         write_image_and_picture(
             path,
             image,
@@ -123,20 +126,20 @@ class SceneRender:
             asked=asked,
         )
         if choice is not None:
-            choice.tell()
+            choice.tell(watch)
         return float(image.cloud[np.isfinite(image.radiance[0])].mean())
 
     def _chosen(self, inputs):
         """The quality that is asked, and the choice that told, if one did."""
         from cloudjax_scenes.quality import Quality
-        from cloudjax_scenes.trade.subjects import imagery_kind
+        from cloudjax_scenes.trade.subjects import imagery_outline
 
         if not self.quality.by_front:
             return self.quality.by_hand(Quality(steps=inputs.settings.fit.steps)), None
         imagery, light = inputs.made_of.imagery, inputs.made_of.light
-        _, hit = imagery.on_earth()
-        kind = imagery_kind(imagery, light, self.quality.shadows)
-        choice = self.quality.by_measure(kind, int(hit.sum()))
+        rays, _ = imagery.on_earth()
+        outline = imagery_outline(imagery, light, self.quality.shadows, rays)
+        choice = self.quality.by_measure(outline)
         return choice.quality, choice
 
 

@@ -77,6 +77,7 @@ def _render_columns(
 ) -> None:
     from cloudjax_scenes.image_strips import render_strips, write_strips
     from cloudjax_scenes.model_scene import ModelWorld
+    from cloudjax_scenes.trade.stopwatch import Stopwatch
 
     from .progress import tile_progress
 
@@ -87,12 +88,13 @@ def _render_columns(
     world, choice = _with_quality(world, view, chosen, time, options)
     for caution in columns.cautions():
         click.echo(caution)
+    watch = Stopwatch()
     with tile_progress(path.name) as on_tile:
         images = render_strips(world, view, chosen, time, on_tile=on_tile)
-        write_strips(path, images, world, quantities)
+        write_strips(path, watch.each(images), world, quantities)
     click.echo(f"{path} and {path.with_suffix('.png')}")
     if choice is not None:
-        choice.tell()
+        choice.tell(watch)
 
 
 def _world(weather, options):
@@ -110,19 +112,20 @@ def _world(weather, options):
 def _with_quality(world, view, chosen, time, options) -> tuple[Any, Any]:
     """The world as it is asked to be rendered, and the choice that told, if one did."""
     from cloudjax_scenes.quality import STANDARD
-    from cloudjax_scenes.trade.subjects import kind_and_pixels
+    from cloudjax_scenes.trade.subjects import world_outline
 
     asked = AskedQuality.of(options)
     if not asked.by_front:
         return asked.by_hand(STANDARD).of_world(world), None
     shaded = replace(world, shadows=asked.shadows)
-    choice = asked.by_measure(*kind_and_pixels(shaded, view, chosen, time))
+    choice = asked.by_measure(world_outline(shaded, view, chosen, time))
     return choice.quality.of_world(world), choice
 
 
 def _render_frames(world, view, chosen, path, options, quantities) -> None:
     from cloudjax_scenes.film import write_film
     from cloudjax_scenes.image_strips import render_strips, write_strips
+    from cloudjax_scenes.trade.stopwatch import Stopwatch
 
     from .progress import tile_progress
 
@@ -134,12 +137,13 @@ def _render_frames(world, view, chosen, path, options, quantities) -> None:
     film = []
     for i, (time, air) in enumerate(world.frames(start, frames, options["minutes"])):
         file = frame_file(path, i, frames)
+        watch = Stopwatch()
         with tile_progress(file.name) as on_tile:
             images = render_strips(world, view, chosen, time, air, on_tile=on_tile)
-            film.append(write_strips(file, images, world, quantities))
+            film.append(write_strips(file, watch.each(images), world, quantities))
         click.echo(f"{file} and {file.with_suffix('.png')}")
         if choice is not None:
-            choice.tell()
+            choice.tell(watch)
     if options["animation"] is not None:
         file = path.with_suffix(f".{options['animation']}")
         write_film(file, film)

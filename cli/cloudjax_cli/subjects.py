@@ -16,7 +16,7 @@ from cloudjax_fit.parameter_file import read_parameters
 from cloudjax_scenes.model_scene import ModelWorld
 from cloudjax_scenes.quality import Quality
 from cloudjax_scenes.sensors import read_sensor
-from cloudjax_scenes.trade.subjects import imagery_kind, sensor_subject, some_of
+from cloudjax_scenes.trade.subjects import imagery_outline, sensor_subject, some_of
 from cloudjax_scenes.trade.trial import Subject
 from cloudjax_scenes.weather_scene import open_world
 
@@ -88,9 +88,8 @@ def folder_subject(name: str, inputs: FitInputs, shadows: int) -> Subject:
     rays, _ = imagery.on_earth()
     return Subject(
         name=name,
-        kind=imagery_kind(imagery, light, shadows),
+        outline=imagery_outline(imagery, light, shadows, rays),
         scene=scene,
         rays=some_of(rays),
         sun_direction=sun_direction(imagery.time),
-        pixels=len(rays),
     )

@@ -8,10 +8,14 @@ from pathlib import Path
 import click
 
 from cloudjax_data.whole_files import write_text_whole
-from cloudjax_scenes.trade.fronts import Front, Machine, keep
+from cloudjax_scenes.trade.fronts import Front, keep
+from cloudjax_scenes.trade.machine import Machine
+from cloudjax_scenes.trade.measured import Measured
 from cloudjax_scenes.trade.page import trade_page
 from cloudjax_scenes.trade.sweep import Sweep
 from cloudjax_scenes.trade.trial import Subject, Trial, rendered
+
+from .held_memory import forget_if_much
 
 
 def gathered(subject: Subject, sweep: Sweep) -> Front | None:
@@ -24,21 +28,21 @@ def gathered(subject: Subject, sweep: Sweep) -> Front | None:
     try:
         for trial in sweep.trials(ft.partial(rendered, subject)):
             trials.append(trial)
+            forget_if_much()
             left = max(end - time.perf_counter(), 0)
             click.echo(f"{_said(trial)}; {left:.0f} s left")
     except KeyboardInterrupt:
         click.echo(f"Interrupted after {len(trials)} qualities.")
     if len(trials) < 2:
         return None
-    return Front(
-        kind=subject.kind,
-        subjects=(subject.name,),
-        pixels=subject.pixels,
+    scene = Measured(
+        name=subject.name,
+        outline=subject.outline,
         sample=len(subject.rays),
-        machine=Machine.here(),
         reference=trials[0],
         trials=tuple(trials[1:]),
     )
+    return Front(subject.outline.kind, Machine.here(), (scene,))
 
 
 def write_trade(folder: Path, front: Front, command: str) -> None:
@@ -51,7 +55,7 @@ def write_trade(folder: Path, front: Front, command: str) -> None:
     write_text_whole(folder / "tradeoff.json", json.dumps(numbers, indent=1) + "\n")
     write_text_whole(folder / "tradeoff.html", trade_page(front, command))
     click.echo("Nothing beats:")
-    for trial in front.best:
+    for trial in front.scenes[0].best:
         click.echo(f"  {_said(trial)}")
     click.echo(f"{folder / 'tradeoff.html'} and tradeoff.json; kept as {keep(front)}")
 

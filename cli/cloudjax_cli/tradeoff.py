@@ -62,8 +62,8 @@ def tradeoff(target, output, budget_s, shadows, **options) -> None:
     subject = subject_of(target, shadows=shadows, **options)
     sweep = Sweep.of(subject, budget_s, shadows=shadows)
     click.echo(
-        f"{subject.name}: {len(subject.rays)} of {subject.pixels} pixels, against "
-        f"{sweep.reference.words}"
+        f"{subject.name}: {len(subject.rays)} of {subject.outline.pixels} pixels, "
+        f"against {sweep.reference.words}"
     )
     front = gathered(subject, sweep)
     if front is None:

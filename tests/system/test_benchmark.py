@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 
@@ -50,6 +51,69 @@ def test_the_parts_that_render_nothing_write_their_tables(tmp_path):
     text = (tmp_path / "bench.md").read_text()
     assert found["machine"]["cores"] in text
     assert "Displacement map of 5.0°" in text
+
+
+def test_promises_are_kept_within_a_factor_of_two_up_or_down(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT)
+    promise = importlib.import_module("benchmarks.promise")
+
+    def kept(error: float, seconds: float):
+        return promise.Kept(
+            scene="a sensor over gfs.grib2",
+            bands=(2, 13),
+            pixels=100,
+            options="--steps 12 --nodes 3",
+            error=error,
+            error_expected=0.02,
+            seconds=seconds,
+            seconds_expected=3.0,
+            compiled_s=9.0,
+        )
+
+    rows = [kept(0.039, 1.6), kept(0.011, 5.9), kept(0.009, 6.5), kept(0.041, 1.4)]
+    assert [row.keeps_error for row in rows] == [True, True, False, False]
+    assert [row.keeps_seconds for row in rows] == [True, True, False, False]
+    text = promise.table(rows)
+    assert "in 50%, times in 50%" in text
+    assert text.count("| a sensor | 2, 13 |") == 4
+
+
+def test_the_scenes_of_promises_are_not_those_of_fronts(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT)
+    scenes = importlib.import_module("benchmarks.parts.promise_scenes")
+    fronts = importlib.import_module("benchmarks.fronts")
+    cases = list(scenes.cases())
+
+    def rays(sensor):
+        return sensor.view.rays(np.array([0, 17]))
+
+    def alike(a, b) -> bool:
+        pairs = (a.origin_m, b.origin_m), (a.direction, b.direction)
+        return all(np.allclose(one, other, rtol=1e-9) for one, other in pairs)
+
+    measured = [rays(sensor) for sensor in fronts.SENSORS]
+    assert not any(alike(rays(c.sensor), known) for c in cases for known in measured)
+    assert len({case.bands for case in cases}) >= 8
+    assert len(cases) >= 40
+
+
+def test_fits_are_compared_in_deviations_of_what_is_determined(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT)
+    trade = importlib.import_module("benchmarks.fit_trade")
+
+    def estimate(value: float, *, determined: bool = True, log: bool = False):
+        return {"value": value, "std": 0.5, "determined": determined, "log": log}
+
+    def fit(*estimates):
+        return {"estimates": dict(zip("abc", estimates, strict=True))}
+
+    reference = fit(
+        estimate(2.0), estimate(1.0, determined=False), estimate(2.0, log=True)
+    )
+    other = fit(estimate(3.0), estimate(9.0), estimate(4.0))
+    # Of a logarithmic one the relative change, in its relative deviation.
+    expected = 2.0, np.log(2) * 2.0 / 0.5
+    np.testing.assert_allclose(trade.moved(other, reference), expected)
 
 
 def test_targets_are_ratios_of_what_was_measured(monkeypatch):

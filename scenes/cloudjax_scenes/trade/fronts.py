@@ -1,22 +1,19 @@
 """Fronts: the qualities that nothing beats, kept in files and chosen from.
 
-A front is of one kind of scene, one machine and one version. One ships for each kind,
-of the machine that docs/accuracy/speed.md names; `cloudjax tradeoff` measures others.
+A front is of one kind of scene, one machine and one version, measured of one scene or
+of several. Those that ship are of the machine that docs/accuracy/speed.md names;
+`cloudjax tradeoff` measures others.
 """
 
 import functools as ft
 import importlib.resources
 import json
-import os
-import platform
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
+import numpy as np
 import platformdirs
 
 import cloudjax
@@ -24,117 +21,98 @@ from cloudjax_data import DataError
 from cloudjax_data.whole_files import write_text_whole
 from cloudjax_scenes.quality import Quality
 
+from .machine import Machine
+from .measured import Measured
+from .outline import Kind, Outline
 from .sweep import front
 from .trial import BandError, Trial
 
 
 @dataclass(frozen=True)
-class Machine:
-    """A `Machine` is what times are of.
+class Expected:
+    """What is `Expected` of a quality: the greatest error of a band, and seconds."""
 
-    **Fields:**
-
-    - `name`: its cores and its processor.
-    - `work_s`: that a piece of work takes there which is like a render's, for times of
-      one machine to be told on another.
-    """
-
-    name: str
-    work_s: float
-
-    @staticmethod
-    @ft.cache
-    def here() -> "Machine":
-        """Name this machine, and time the piece of work."""
-        device = jax.devices()[0]
-        kind = platform.machine() if device.platform == "cpu" else device.device_kind
-        return Machine(f"{os.cpu_count()} cores, {kind}", _work_s())
-
-
-def _work_s() -> float:
-    """Exponentials and sums over tables that a cache holds, as in the march."""
-
-    @jax.jit
-    def work(x):
-        for _ in range(8):
-            x = jnp.exp(-jnp.abs(x)) @ jnp.full((64, 64), 1 / 64, x.dtype)
-        return x
-
-    start = jnp.linspace(0, 1, 1 << 20, dtype=jnp.float32).reshape(-1, 64)
-    work(start).block_until_ready()
-    took = []
-    for _ in range(5):
-        began = time.perf_counter()
-        work(start).block_until_ready()
-        took.append(time.perf_counter() - began)
-    return min(took)
+    quality: Quality
+    seconds: float
+    error: float
 
 
 @dataclass(frozen=True)
 class Front:
-    """A `Front` is what was measured of one kind of scene on one machine.
+    """A `Front` is what was measured of one kind of scenes on one machine.
 
-    **Fields:**
-
-    - `kind`: of scene, see `subjects.py`.
-    - `subjects`: names of what was rendered.
-    - `pixels`: of the whole image, for which seconds are told.
-    - `sample`: pixels that were rendered.
-    - `reference`: the quality that was taken for true.
-    - `trials`: all of them, in the order in which they were measured.
+    **Fields:** `scenes`: one or more.
     """
 
-    kind: str
-    subjects: Sequence[str]
-    pixels: int
-    sample: int
+    kind: Kind
     machine: Machine
-    reference: Trial
-    trials: Sequence[Trial]
+    scenes: Sequence[Measured]
     version: str = field(default_factory=lambda: cloudjax.__version__)
 
-    @property
-    def best(self) -> list[Trial]:
-        """The trials that nothing beats in seconds and error, cheapest first."""
-        of = {trial.quality: trial for trial in self.trials}
-        return [of[q] for q in front({q: (t.seconds, t.error) for q, t in of.items()})]
+    def expected(self, outline: Outline) -> list[Expected]:
+        """Expect of a scene on this machine what nothing beats, cheapest first.
 
-    def within_error(self, error: float) -> Trial:
-        """Choose the cheapest quality whose error is no greater.
+        Scenes measured with pixels like its own count most. Their seconds and errors
+        are averaged as factors.
+        """
+        faster = Machine.here().work_s / self.machine.work_s
+        octaves = [
+            np.log2(scene.outline.pixel_m / outline.pixel_m) for scene in self.scenes
+        ]
+        weights = 1 / (1 + np.square(octaves))
+        points = {}
+        for quality, trials in self._of_all().items():
+            told = [
+                scene.told_of(trial, outline)
+                for scene, trial in zip(self.scenes, trials, strict=True)
+            ]
+            logs = np.log(np.maximum(told, _LEAST))
+            seconds, error = np.exp(np.average(logs, axis=0, weights=weights))
+            points[quality] = float(seconds * faster), float(error)
+        return [Expected(quality, *points[quality]) for quality in front(points)]
+
+    def _of_all(self) -> dict[Quality, list[Trial]]:
+        """The qualities that were measured of every scene."""
+        of_each = [{t.quality: t for t in scene.trials} for scene in self.scenes]
+        common = [q for q in of_each[0] if all(q in known for known in of_each)]
+        return {q: [known[q] for known in of_each] for q in common}
+
+    def within_error(self, error: float, outline: Outline) -> Expected:
+        """Choose the cheapest quality of which no greater error is expected.
 
         **Raises:** `DataError` where none is as good.
         """
-        good = [trial for trial in self.best if trial.error <= error]
+        expected = self.expected(outline)
+        good = [one for one in expected if one.error <= error]
         if not good:
-            least = self.best[-1].error
             raise DataError(
-                f"No quality that was measured errs by less than {least:.2%} in scenes "
-                f"of {self.kind}: allow that, or use --quality reference."
+                f"No quality that was measured errs by less than "
+                f"{expected[-1].error:.2%} in scenes of {self.kind}: allow that, or "
+                "use --quality reference."
             )
         return good[0]
 
-    def within_seconds(self, seconds: float, pixels: int) -> Trial:
-        """Choose the best quality that takes no longer for so many pixels.
+    def within_seconds(self, seconds: float, outline: Outline) -> Expected:
+        """Choose the best quality that is expected to take no longer.
 
         **Raises:** `DataError` where none is as quick.
         """
-        quick = [t for t in self.best if self.expected_s(t, pixels) <= seconds]
+        expected = self.expected(outline)
+        quick = [one for one in expected if one.seconds <= seconds]
         if not quick:
-            least = self.expected_s(self.best[0], pixels)
             raise DataError(
-                f"The cheapest quality takes {least:.2g} s for {pixels} pixels here: "
-                "allow that, or choose a sensor of coarser pixels."
+                f"The cheapest quality takes {expected[0].seconds:.2g} s for "
+                f"{outline.pixels} pixels here: allow that, or choose a sensor of "
+                "coarser pixels."
             )
         return quick[-1]
 
-    def expected_s(self, trial: Trial, pixels: int) -> float:
-        """Expect of a trial's seconds those for so many pixels on this machine."""
-        faster = Machine.here().work_s / self.machine.work_s
-        return trial.seconds * pixels / self.pixels * faster
-
     def json(self) -> dict[str, Any]:
         """Return plain data, which `of_json` reads."""
-        return asdict(self) | {"front": [t.quality.words for t in self.best]}
+        found = asdict(self)
+        for data, scene in zip(found["scenes"], self.scenes, strict=True):
+            data["front"] = [trial.quality.words for trial in scene.best]
+        return found
 
     @classmethod
     def of_json(cls, data: dict[str, Any]) -> "Front":
@@ -142,15 +120,32 @@ class Front:
 
         **Raises:** `KeyError`, `TypeError` or `ValueError` for anything else.
         """
-        known = {key: value for key, value in data.items() if key != "front"}
         return cls(
-            **known
-            | {
-                "machine": Machine(**data["machine"]),
-                "reference": _trial(data["reference"]),
-                "trials": tuple(map(_trial, data["trials"])),
-            }
+            Kind(**data["kind"]),
+            Machine(**data["machine"]),
+            tuple(map(_measured, data["scenes"])),
+            data["version"],
         )
+
+
+# For logarithms of seconds and errors.
+_LEAST = 1e-6
+
+
+def _measured(data: dict[str, Any]) -> Measured:
+    known = {key: value for key, value in data.items() if key != "front"}
+    outline = known["outline"]
+    return Measured(
+        **known
+        | {
+            "outline": Outline(
+                **outline
+                | {"kind": Kind(**outline["kind"]), "bands": tuple(outline["bands"])}
+            ),
+            "reference": _trial(known["reference"]),
+            "trials": tuple(map(_trial, known["trials"])),
+        }
+    )
 
 
 def _trial(data: dict[str, Any]) -> Trial:
@@ -161,7 +156,7 @@ def _trial(data: dict[str, Any]) -> Trial:
 # Where fronts are kept ----------------------------------------------------------------
 
 
-def own_file(kind: str) -> Path:
+def own_file(kind: Kind) -> Path:
     """Return where this machine keeps its own front of a kind, for this version."""
     folder = platformdirs.user_data_path("cloudjax") / "fronts" / cloudjax.__version__
     return folder / f"{Machine.here().name}, {kind}.json".replace(" ", "_")
@@ -189,8 +184,8 @@ def read_front(file: Path) -> Front:
         ) from error
 
 
-def front_for(kind: str) -> tuple[Front, str]:
-    """Find the front for a kind of scene, and say where it is from.
+def front_for(kind: Kind) -> tuple[Front, str]:
+    """Find a front that serves a kind of scene, and say where it is from.
 
     The machine's own goes before the one that ships.
 
@@ -200,7 +195,7 @@ def front_for(kind: str) -> tuple[Front, str]:
     if file.exists():
         return read_front(file), str(file)
     for shipped in _shipped():
-        if shipped.kind == kind:
+        if shipped.kind.serves(kind):
             return shipped, f"shipped, {shipped.machine.name}"
     raise DataError(
         f"No front for scenes of {kind} ships: measure it with cloudjax tradeoff, or "

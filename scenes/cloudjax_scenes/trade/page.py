@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from cloudjax_scenes.html_template import html_template
 
 from .fronts import Front
+from .measured import Measured
 from .trial import Trial
 
 
@@ -26,29 +27,29 @@ _LEAST = 1e-5
 
 
 def trade_page(front: Front, command: str) -> str:
-    """Make a page that opens offline.
+    """Make a page of the scene of a front that opens offline.
 
     **Arguments:** `command`: that renders the scene, to which a quality's options are
     added.
     """
     template = html_template("cloudjax_scenes.trade", "page.html.jinja")
+    (scene,) = front.scenes
     return template.render(
         front=front,
-        best=front.best,
-        bands=sorted(front.trials[0].errors),
-        picture=_picture(front),
+        scene=scene,
+        picture=_picture(scene),
         command=command,
     )
 
 
-def _picture(front: Front) -> str:
+def _picture(scene: Measured) -> str:
     """Error against seconds, as a data URI: all trials, and the front as a line."""
     with matplotlib.rc_context(_RC):
         figure = Figure(figsize=(8.2, 4.6), layout="constrained")
         axes = figure.subplots()
-        axes.scatter(*_places(front.trials), s=18, color=_FAINT, label="measured")
-        axes.plot(*_places(front.best), "o-", color=_LINE, label="nothing beats")
-        for trial in front.best:
+        axes.scatter(*_places(scene.trials), s=18, color=_FAINT, label="measured")
+        axes.plot(*_places(scene.best), "o-", color=_LINE, label="nothing beats")
+        for trial in scene.best:
             axes.annotate(
                 trial.quality.words.replace("--", ""),
                 (trial.seconds, _shown(trial)),
@@ -63,7 +64,7 @@ def _picture(front: Front) -> str:
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter("{x:g}")
         axes.margins(x=0.2, y=0.1)
-        axes.set_xlabel(f"seconds for {front.pixels} pixels, once compiled")
+        axes.set_xlabel(f"seconds for {scene.outline.pixels} pixels, once compiled")
         axes.set_ylabel("RMSE over standard deviation, worst band, %")
         axes.grid(visible=True, which="both", color="#eceef1", linewidth=0.6)
         axes.legend(frameon=False)

@@ -1,4 +1,4 @@
-"""Subjects of trials, and the kinds of scenes that a front serves."""
+"""Subjects of trials: a sensor over clouds, or a scene from imagery."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cloudjax import Band, Rays, Scene
+from cloudjax import Band, FixedGrid, Rays, Scene
 from cloudjax_data import sun_direction
 from cloudjax_scenes.imagery import Imagery
 from cloudjax_scenes.lights import Light
@@ -16,57 +16,41 @@ from cloudjax_scenes.sensor_image import is_day
 from cloudjax_scenes.sensors import Sensor
 from cloudjax_scenes.weather_scene import World
 
+from .outline import Kind, Outline, kind_of, usual_pixel_m
 from .trial import Subject
 
 
-# Pixels that are timed: a tile that every machine's cache holds.
-PIXELS = 2048
+# Pixels of an image that are rendered: enough for cores to share, and for what is read
+# alike to fill tiles.
+PIXELS = 32768
 _SEED = 0
-# To tell by what light a sensor sees.
-_LOOKED_AT = 10_000
 
 
 def some_of(rays: Rays, count: int = PIXELS) -> Rays:
-    """Draw some rays at random, the same each time."""
+    """Draw some rays at random, the same each time, in their order."""
     few = np.random.default_rng(_SEED).permutation(len(rays))[:count]
     return rays[np.sort(few)]
 
 
-def imagery_kind(imagery: Imagery, light: Light, shadows: int) -> str:
-    """Name the kind of a scene from imagery, by its light and what its bands see."""
-    seen = bool(imagery.sunlit), bool(imagery.emissive), shadows > 0
-    return _kind("imagery", light.name, *seen)
+def imagery_outline(
+    imagery: Imagery, light: Light, shadows: int, rays: Rays
+) -> Outline:
+    """Outline a scene from imagery.
 
-
-def _kind(source: str, light: str, sunlit: bool, thermal: bool, shaded: bool) -> str:
-    named = (sunlit, "sunlit"), (thermal, "thermal"), (shaded and sunlit, "shaded")
-    seen = " ".join(name for is_so, name in named if is_so)
-    return f"{source} in {light} light, {seen}"
-
-
-def kind_and_pixels(
-    world: World | ModelWorld, sensor: Sensor, bands: Sequence[Band], time: datetime
-) -> tuple[str, int]:
-    """Tell the kind of a scene not built yet, and how many pixels see the Earth.
-
-    By some of the pixels, evenly far apart.
+    **Arguments:** `rays`: that see the Earth; `shadows`: steps.
     """
-    view, sun = sensor.view, sun_direction(time)
-    every = int(np.prod(view.shape))
-    some = np.unique(np.linspace(0, every - 1, min(every, _LOOKED_AT)).astype(int))
-    ground, hit = view.rays(some).ground()
-    kind = _world_kind(world, bands, day=is_day(ground, hit, sun))
-    return kind, max(round(every * float(hit.mean())), 1)
+    bands = tuple(imagery.bands.values())
+    day = bool(imagery.sunlit)
+    kind = kind_of("imagery", light.name, bands, day=day, shadows=shadows)
+    numbers = tuple(band.number for band in bands)
+    return Outline(kind, numbers, usual_pixel_m(some_of(rays)), len(rays))
 
 
-def _world_kind(world: World | ModelWorld, bands: Sequence[Band], *, day: bool) -> str:
-    return _kind(
-        "weather" if isinstance(world, World) else "model",
-        world.light,
-        any(band.reflective or (day and band.sunlit) for band in bands),
-        any(not band.reflective for band in bands),
-        world.shadows > 0,
-    )
+def world_outline(
+    world: World | ModelWorld, sensor: Sensor, bands: Sequence[Band], time: datetime
+) -> Outline:
+    """Outline what a sensor would see of a world, by some of its pixels."""
+    return _outlined(world, sensor, bands, time)[0]
 
 
 def sensor_subject(
@@ -79,20 +63,55 @@ def sensor_subject(
 
     **Arguments:** `bands`: by number; None for those of the sensor.
     """
-    rays, sun = sensor.view.rays(), sun_direction(time)
-    ground, hit = rays.ground()
-    day, chosen = is_day(ground, hit, sun), sensor.choose(bands)
+    chosen = sensor.choose(bands)
+    outline, rays, day = _outlined(world, sensor, chosen, time)
     winds: Any = world.winds(time)
 
     def scene(quality: Quality) -> Scene:
         return quality.of_world(world).scene(chosen, time, winds, day=day)
 
-    rays = rays[hit] if hit.any() else rays
     return Subject(
         name=f"{sensor.name} over {', '.join(world.sources)}",
-        kind=_world_kind(world, chosen, day=day),
+        outline=outline,
         scene=scene,
         rays=some_of(rays),
-        sun_direction=sun,
-        pixels=len(rays),
+        sun_direction=sun_direction(time),
     )
+
+
+# Of the pixels of a disc a fifth sees space.
+_LOOKED_AT = PIXELS * 2
+
+
+def _outlined(
+    world: World | ModelWorld, sensor: Sensor, bands: Sequence[Band], time: datetime
+) -> tuple[Outline, Rays, bool]:
+    """The outline, some of the rays that are rendered, and whether it is day there.
+
+    Never all rays: those of a disc of 500 m take 20 GB.
+    """
+    view = sensor.view
+    every = int(np.prod(view.shape))
+    drawn = np.random.default_rng(_SEED).choice(
+        every, min(every, _LOOKED_AT), replace=False, shuffle=False
+    )
+    rays = view.rays(np.sort(drawn))
+    ground, hit = rays.ground()
+    day = is_day(ground, hit, sun_direction(time))
+    # As `render_sensor` does: space is spared of fixed grids alone.
+    rendered = (
+        hit if isinstance(view, FixedGrid) and hit.any() else np.full_like(hit, 1)
+    )
+    rays = rays[rendered]
+    outline = Outline(
+        _world_kind(world, bands, day=day),
+        tuple(band.number for band in bands),
+        usual_pixel_m(rays),
+        max(round(every * float(rendered.mean())), 1),
+    )
+    return outline, rays, day
+
+
+def _world_kind(world: World | ModelWorld, bands: Sequence[Band], *, day: bool) -> Kind:
+    source = "weather" if isinstance(world, World) else "model"
+    return kind_of(source, world.light, bands, day=day, shadows=world.shadows)

@@ -11,9 +11,16 @@ from scipy.stats import wasserstein_distance
 from cloudjax import Rays, Scene, render
 from cloudjax_scenes.quality import Quality
 
+from .outline import Outline
+
 
 # The quicker of two: what else the machine does only ever adds.
 _REPEATS = 2
+# Every so many of the rays are timed, too, for what a render takes whatever its size.
+_FEWER = 4
+# Rays that are rendered at once. Of a sample few are read alike, as most of a tile of
+# a whole image are: small tiles are filled up with less.
+_TILE = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,18 +30,17 @@ class Subject:
     **Fields:**
 
     - `name`: of the scene or sensor, and the options that make it.
-    - `kind`: of scene, for which one front serves.
+    - `outline`: of the whole image.
     - `scene`: builds it at a quality.
-    - `rays`: some of the image's, drawn at random; `pixels`: of the whole image.
+    - `rays`: some of the image's, drawn at random.
     - `sun_direction`: unit vector from the Earth to the sun, ECEF.
     """
 
     name: str
-    kind: str
+    outline: Outline
     scene: Callable[[Quality], Scene]
     rays: Rays
     sun_direction: Float[np.ndarray, "3"]
-    pixels: int
 
 
 @dataclass(frozen=True)
@@ -56,13 +62,15 @@ class Trial:
 
     **Fields:**
 
-    - `seconds`: for all pixels of the image, once compiled.
-    - `first_s`: that the first render of some pixels took, which compiles.
+    - `seconds`: for all pixels of the image, once compiled; of these `fixed_s` whatever
+      its size.
+    - `first_s`: that the first render of the sample took, which compiles.
     - `errors`: by band.
     """
 
     quality: Quality
     seconds: float
+    fixed_s: float
     first_s: float
     errors: dict[int, BandError]
 
@@ -79,6 +87,7 @@ class Rendered:
     quality: Quality
     radiances: dict[int, Float[np.ndarray, " rays"]]
     seconds: float
+    fixed_s: float
     first_s: float
 
     def against(self, reference: "Rendered") -> Trial:
@@ -87,28 +96,51 @@ class Rendered:
             number: band_error(seen, reference.radiances[number])
             for number, seen in self.radiances.items()
         }
-        return Trial(self.quality, self.seconds, self.first_s, errors)
+        return Trial(self.quality, self.seconds, self.fixed_s, self.first_s, errors)
 
 
 def rendered(subject: Subject, quality: Quality) -> Rendered:
-    """Render the subject's rays at a quality, and time it once compiled."""
+    """Render the subject's rays at a quality, and time it once compiled.
+
+    With products, as images are rendered into files.
+    """
     began = time.perf_counter()
     scene = subject.scene(quality)
 
-    def once() -> tuple[Float[np.ndarray, "bands rays"], float]:
-        start = time.perf_counter()
+    def values(rays: Rays) -> Float[np.ndarray, "bands rays"]:
         image = render(
-            scene, subject.rays, subject.sun_direction, tile=len(subject.rays)
+            scene, rays, subject.sun_direction, tile=_TILE, with_products=True
         )
-        values = np.asarray(scene.total(image.radiances), np.float64)
-        return values, time.perf_counter() - start
+        return np.asarray(scene.total(image.radiances), np.float64)
 
-    values, _ = once()
+    few, many = subject.rays[::_FEWER], subject.rays
+    radiances = dict(zip(scene.bands, values(many), strict=True))
     first_s = time.perf_counter() - began
-    took = [once()[1] for _ in range(_REPEATS)]
-    radiances = dict(zip(scene.bands, values, strict=True))
-    share = subject.pixels / len(subject.rays)
-    return Rendered(quality, radiances, min(took) * share, first_s)
+    values(few)
+    timed = [(len(rays), _quickest(lambda r=rays: values(r))) for rays in (few, many)]
+    fixed_s, pixel_s = _line(*timed)
+    seconds = fixed_s + pixel_s * subject.outline.pixels
+    return Rendered(quality, radiances, seconds, fixed_s, first_s)
+
+
+def _line(few: tuple[int, float], many: tuple[int, float]) -> tuple[float, float]:
+    """What a render takes whatever its size, and what each pixel does, of two renders.
+
+    Of each the pixels and seconds. Most is by pixel, whatever a noisy clock says.
+    """
+    (n, few_s), (m, many_s) = few, many
+    pixel_s = (many_s - few_s) / (m - n) if m > n else 0.0
+    pixel_s = min(max(pixel_s, 0.5 * many_s / m), many_s / m)
+    return many_s - m * pixel_s, pixel_s
+
+
+def _quickest(work: Callable[[], object]) -> float:
+    took = []
+    for _ in range(_REPEATS):
+        start = time.perf_counter()
+        work()
+        took.append(time.perf_counter() - start)
+    return min(took)
 
 
 def band_error(

@@ -9,7 +9,10 @@ from cloudjax_cli.quality_options import AskedQuality, Share
 from cloudjax_data import DataError
 from cloudjax_scenes.quality import DRAFT, STANDARD, Quality
 from cloudjax_scenes.trade import fronts
-from cloudjax_scenes.trade.fronts import Front, Machine
+from cloudjax_scenes.trade.fronts import Front
+from cloudjax_scenes.trade.machine import Machine
+from cloudjax_scenes.trade.measured import Measured
+from cloudjax_scenes.trade.outline import Kind, Outline
 from cloudjax_scenes.trade.trial import BandError, Trial
 from tests.commands import run, sentence_of
 from tests.weather_scenes import MESO, write_inputs
@@ -36,19 +39,19 @@ def worlds(monkeypatch):
 
 
 def _trial(steps: int, seconds: float, error: float) -> Trial:
-    return Trial(Quality(steps, 3), seconds, 9.0, {13: BandError(0.0, error, 0.0)})
+    errors = dict.fromkeys((2, 13), BandError(0.0, error, 0.0))
+    return Trial(Quality(steps, 3), seconds, 0.0, 9.0, errors)
 
 
-def _front(kind: str) -> Front:
-    return Front(
-        kind=kind,
-        subjects=("a disc",),
-        pixels=100 * 100,
+def _front(kind: Kind) -> Front:
+    scene = Measured(
+        name="a disc",
+        outline=Outline(kind, (2, 13), 2000.0, 100 * 100),
         sample=100,
-        machine=Machine("2 cores", Machine.here().work_s),
         reference=_trial(96, 99.0, 0.0),
         trials=(_trial(6, 1.0, 0.08), _trial(12, 2.0, 0.03), _trial(24, 4.0, 0.01)),
     )
+    return Front(kind, Machine("2 cores", Machine.here().work_s), (scene,))
 
 
 @pytest.fixture
@@ -97,8 +100,9 @@ def test_a_front_chooses_and_the_program_says_what(
     assert (world.steps, world.nodes) == (steps, 3)
     assert said in result.output
     assert "of this test" in result.output
-    assert "took" in result.output
-    assert asked_kinds == ["weather in physical light, sunlit thermal"]
+    assert "rendered in" in result.output
+    (kind,) = asked_kinds
+    assert str(kind) == "weather in physical light, sunlit thermal"
 
 
 def test_what_the_front_cannot_do_ends_before_any_work(weather, worlds, asked_kinds):
@@ -140,5 +144,7 @@ def test_what_is_asked_travels_to_other_processes():
 
 def test_a_front_for_a_kind_that_nobody_measured_is_told(monkeypatch, tmp_path):
     monkeypatch.setattr(fronts.platformdirs, "user_data_path", lambda _: tmp_path)
+    kind = Kind("nowhere", "physical", sunlit=True, thermal=True, shaded=False)
+    outline = Outline(kind, (2,), 2000.0, 100)
     with pytest.raises(DataError, match="cloudjax tradeoff"):
-        AskedQuality(max_error=0.02).by_measure("clouds of nowhere", 100)
+        AskedQuality(max_error=0.02).by_measure(outline)
