@@ -46,8 +46,11 @@ check: lint test-all docs
 bench: $(VENV)/installed-peers
 	$(BIN)/python benchmarks/bench.py -o out/bench
 
+# WEATHER: a global analysis; SCENE: a folder of ABI files.
 bench-tradeoff: $(VENV)/installed
-	$(BIN)/python benchmarks/tradeoff.py -o out/tradeoff
+	$(BIN)/python -m benchmarks.fronts --weather $(WEATHER) --scene $(SCENE) -o out/fronts
+	$(BIN)/python -m benchmarks.promise --weather $(WEATHER) --scene $(SCENE) -o out/promise
+	$(BIN)/python -m benchmarks.fit_trade -o out/fit_trade
 
 bench-footprint: $(VENV)/installed
 	$(BIN)/python benchmarks/footprint.py -o out/footprint

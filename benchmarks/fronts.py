@@ -1,14 +1,15 @@
-"""What accuracy costs in scenes of many kinds: python benchmarks/fronts.py -o DIR
+"""What accuracy costs in scenes of many kinds: python -m benchmarks.fronts -o DIR
 
 Renders scenes at the same qualities, as `cloudjax tradeoff` does one, and writes the
 fronts that ship: sensors over an analysis (`--weather`), and a folder of imagery
-(`--scene`). After each scene all is written that has been measured. Prints the tables
-of docs/accuracy/speed.md.
+(`--scene`). After each scene all is written that has been measured, and scenes that DIR
+has are not measured again. Prints the tables of docs/accuracy/speed.md.
 """
 
 import argparse
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from cloudjax_data.whole_files import write_text_whole
 from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_scenes.quality import REFERENCE, STANDARD, Quality
 from cloudjax_scenes.sensors import Sensor, read_sensor
-from cloudjax_scenes.trade.fronts import Front
+from cloudjax_scenes.trade.fronts import Front, read_front
 from cloudjax_scenes.trade.machine import Machine
 from cloudjax_scenes.trade.measured import Measured
 from cloudjax_scenes.trade.subjects import sensor_subject
@@ -66,7 +67,9 @@ def geostationary(
     name: str, longitude_deg: float, centre: tuple[float, float] | None = None
 ) -> Sensor:
     """Make an ABI of a name, above a longitude; a sector has a centre."""
-    return read_sensor(name, subsatellite_longitude_deg=longitude_deg, centre=centre)
+    sensor = read_sensor(name, subsatellite_longitude_deg=longitude_deg, centre=centre)
+    at = "" if centre is None else f" at {centre[0]:g} {centre[1]:g}"
+    return replace(sensor, name=f"{name} above {longitude_deg:g}{at}")
 
 
 # By day at noon UTC, at which the analysis of the tests is.
@@ -74,9 +77,9 @@ SENSORS = (
     geostationary("abi-meso-1km", 0.0, (-5.0, 10.0)),
     geostationary("abi-meso-1km", -30.0, (35.0, -35.0)),
     geostationary("abi-conus-4km", -30.0),
+    geostationary("abi-fulldisk-10km", 0.0),
     geostationary("abi-conus-4km", 20.0),
     low_orbit(10.0, -40.0),
-    geostationary("abi-fulldisk-10km", 0.0),
 )
 
 
@@ -88,7 +91,8 @@ def main() -> None:
     asked = parser.parse_args()
     folder = asked.output
     folder.mkdir(parents=True, exist_ok=True)
-    for front in measured_fronts(_subjects(asked.weather, asked.scene)):
+    known = [read_front(file) for file in folder.glob("*.json")]
+    for front in measured_fronts(_subjects(asked.weather, asked.scene), known):
         file = folder / f"{front.kind}.json".replace(" ", "_").replace(",", "")
         write_text_whole(file, json.dumps(front.json(), indent=1) + "\n")
         print(table(front), flush=True)
@@ -104,13 +108,19 @@ def _subjects(weather: Path, scene: Path | None) -> Iterator[Subject]:
         yield sensor_subject(world, sensor, WEATHER_BANDS, world.series.times[0])
 
 
-def measured_fronts(subjects: Iterator[Subject]) -> Iterator[Front]:
-    """Yield, for each subject measured, the front of its kind with all so far."""
-    known: dict[str, list[Measured]] = {}
+def measured_fronts(
+    subjects: Iterator[Subject], known: Sequence[Front] = ()
+) -> Iterator[Front]:
+    """Yield, for each subject, the front of its kind with all measured so far.
+
+    **Arguments:** `known`: fronts whose scenes are not measured again.
+    """
+    scenes = {front.kind: list(front.scenes) for front in known}
     for subject in subjects:
-        scenes = known.setdefault(str(subject.outline.kind), [])
-        scenes.append(measured(subject))
-        yield Front(subject.outline.kind, Machine.here(), tuple(scenes))
+        of_kind = scenes.setdefault(subject.outline.kind, [])
+        if subject.name not in {scene.name for scene in of_kind}:
+            of_kind.append(measured(subject))
+        yield Front(subject.outline.kind, Machine.here(), tuple(of_kind))
 
 
 def measured(subject: Subject, qualities: Sequence[Quality] = QUALITIES) -> Measured:

@@ -1,4 +1,4 @@
-"""Whether renders keep what fronts promise: python benchmarks/promise.py -o DIR
+"""Whether renders keep what fronts promise: python -m benchmarks.promise -o DIR
 
 50 scenes of which no front was measured are rendered as `cloudjax render --max-error`
 does, and compared with the reference: sensors, pixels of 0.1 to 10 km, day, twilight
