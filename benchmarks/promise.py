@@ -85,6 +85,12 @@ def main() -> None:
 
 
 def _rows(weather: Path, folders: Sequence[Path]) -> Iterator[Kept]:
+    for folder in folders:
+        known = set(read_inputs(folder).target.imagery.bands)
+        for bands in (some for some in IMAGERY_BANDS if known.issuperset(some)):
+            inputs = read_inputs(folder, bands=bands)
+            subject = folder_subject(folder.name, inputs, shadows=0)
+            yield kept(subject, 0.03, lambda q, inputs=inputs: fitted_image(inputs, q))
     world = open_world([weather], None)
     assert isinstance(world, World)
     for case in cases():
@@ -98,12 +104,6 @@ def _rows(weather: Path, folders: Sequence[Path]) -> Iterator[Kept]:
             return list(render_strips(of_quality, case.sensor, bands, time, winds))
 
         yield kept(subject, case.max_error, whole)
-    for folder in folders:
-        known = set(read_inputs(folder).target.imagery.bands)
-        for bands in (some for some in IMAGERY_BANDS if known.issuperset(some)):
-            inputs = read_inputs(folder, bands=bands)
-            subject = folder_subject(folder.name, inputs, shadows=0)
-            yield kept(subject, 0.03, lambda q, inputs=inputs: fitted_image(inputs, q))
 
 
 def kept(subject: Subject, max_error: float, whole) -> Kept:

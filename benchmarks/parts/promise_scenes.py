@@ -109,15 +109,6 @@ _GROUPS = (
         (8, 13, 16),
         [geostationary("abi-conus-4km", lon) for lon in (-75.0, 140.0, -137.0, 90.0)],
     ),
-    _Group(
-        (2, 13),
-        [geostationary("abi-fulldisk-10km", lon) for lon in (-40.0, 75.0, 30.0)],
-        hours=(0.0, -3.0),
-    ),
-    _Group(
-        (10, 14),
-        [geostationary("abi-fulldisk-10km", lon) for lon in (140.0, -137.0, -75.0)],
-    ),
     _Group((2,), _sectors("abi-meso-0.5km", (0.0, -15.0, -10.0), (0.0, 45.0, 5.0))),
     _Group(
         (4, 6, 13),
@@ -137,6 +128,15 @@ _GROUPS = (
             _narrow(30.0, -150.0),
             _narrow(-45.0, 30.0),
         ],
+    ),
+    _Group(
+        (2, 13),
+        [geostationary("abi-fulldisk-10km", lon) for lon in (-40.0, 75.0, 30.0)],
+        hours=(0.0, -3.0),
+    ),
+    _Group(
+        (10, 14),
+        [geostationary("abi-fulldisk-10km", lon) for lon in (140.0, -137.0, -75.0)],
     ),
 )
 # Of scenes from imagery: those sets that a folder has.

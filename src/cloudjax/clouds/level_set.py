@@ -1,5 +1,7 @@
 """The soft level set: which share of a pixel's way is cloud, from CF along it."""
 
+import math
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -148,6 +150,6 @@ def _of_end(x: Array) -> tuple[Array, Array, Array]:
     """G(x) - max(x, 0) = φ(x) - |x| Φ(-|x|); Φ(x) and φ(x)."""
     far = jnp.minimum(jnp.abs(x), _MAX_WIDTHS)
     # jax.scipy's ndtr keeps the far tails to all digits, at three times the price.
-    half = 0.5 * jax.lax.erf(np.float32(np.sqrt(0.5)) * far)
-    density = np.float32(1 / np.sqrt(2 * np.pi)) * jnp.exp(-0.5 * far**2)
+    half = 0.5 * jax.lax.erf(math.sqrt(0.5) * far)
+    density = (1 / math.sqrt(2 * math.pi)) * jnp.exp(-0.5 * far**2)
     return density - far * (0.5 - half), 0.5 + jnp.sign(x) * half, density

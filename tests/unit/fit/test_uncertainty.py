@@ -43,7 +43,7 @@ def posed():
     """Four parameters, of which two act as one: the cover is the same everywhere."""
     imagery = small_imagery(FRACTION)
     images = flecked()
-    made_of = SceneFromImagery(imagery, known={"low": small_class()}, seed=2, steps=6)
+    made_of = SceneFromImagery(imagery, known={"low": small_class()}, seed=2, steps=12)
     free = [p for p in scene_parameters(made_of) if p.name in FREE]
     # Two vague enough for the data to decide, one less free to trade than usual.
     spreads = {"air.gain_C01": 1.0, "low.extinction": 3.0, "low.threshold": 0.25}
