@@ -39,7 +39,7 @@ def worlds(monkeypatch):
 
 
 def _trial(steps: int, seconds: float, error: float) -> Trial:
-    errors = dict.fromkeys((2, 13), BandError(0.0, error, 0.0))
+    errors = {number: BandError(0.0, error, 0.0) for number in (2, 13)}
     return Trial(Quality(steps, 3), seconds, 0.0, 9.0, errors)
 
 
