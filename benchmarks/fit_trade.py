@@ -21,6 +21,9 @@ import numpy as np
 
 from cloudjax_data.whole_files import write_text_whole
 
+from .intervals import deviations
+from .parts import text
+
 
 @dataclass(frozen=True)
 class Knobs:
@@ -102,18 +105,13 @@ def fitted(knobs: Knobs, light: str) -> dict[str, Any]:
 
 def moved(fit: dict[str, Any], reference: dict[str, Any]) -> np.ndarray:
     """By how many standard deviations what the reference determines has moved."""
-    off = []
-    for name, wanted in reference["estimates"].items():
-        if not wanted["determined"]:
-            continue
-        value, truth, std = (
-            fit["estimates"][name]["value"],
-            wanted["value"],
-            wanted["std"],
-        )
-        relative = np.log(value / truth) * truth if wanted["log"] else value - truth
-        off.append(abs(relative) / std)
-    return np.array(off)
+    return np.abs(
+        [
+            deviations({**wanted, "truth": fit["estimates"][name]["value"]})
+            for name, wanted in reference["estimates"].items()
+            if wanted["determined"]
+        ]
+    )
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
@@ -130,7 +128,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     ]
     head += [f"W1/std C{int(number):02d}" for number in bands]
     head += ["moved, median", "most"]
-    lines = [head, ["--:"] * len(head)]
+    lines = []
     for row in rows:
         knobs, off = row["knobs"], moved(row, rows[0])
         lines.append(
@@ -146,7 +144,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
                 f"{off.max():.1f}",
             ]
         )
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return text.table(head, lines)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,8 @@ from cloudjax_scenes.trade.subjects import sensor_subject
 from cloudjax_scenes.trade.trial import Subject, rendered
 from cloudjax_scenes.weather_scene import World, open_world
 
+from .parts import text
+
 
 # Steps and nodes.
 QUALITIES = (
@@ -115,12 +117,14 @@ def measured_fronts(
 
     **Arguments:** `known`: fronts whose scenes are not measured again.
     """
-    scenes = {front.kind: list(front.scenes) for front in known}
+    fronts = {front.kind: front for front in known}
     for subject in subjects:
-        of_kind = scenes.setdefault(subject.outline.kind, [])
-        if subject.name not in {scene.name for scene in of_kind}:
-            of_kind.append(measured(subject))
-        yield Front(subject.outline.kind, Machine.here(), tuple(of_kind))
+        kind = subject.outline.kind
+        front = fronts.get(kind) or Front(kind, Machine.here(), ())
+        if subject.name not in {scene.name for scene in front.scenes}:
+            front = replace(front, scenes=(*front.scenes, measured(subject)))
+        fronts[kind] = front
+        yield front
 
 
 def measured(subject: Subject, qualities: Sequence[Quality] = QUALITIES) -> Measured:
@@ -141,7 +145,7 @@ def table(front: Front) -> str:
     """Write as Markdown what was measured: of all scenes the middle, least and most."""
     bands = front.scenes[0].outline.bands
     head = ["options", "µs a pixel", "fixed s", *(f"C{n:02d} %" for n in bands)]
-    rows = [head, ["---", *["--:"] * (len(head) - 1)]]
+    rows = []
     for trials in zip(*(scene.trials for scene in front.scenes), strict=True):
         pixels = [scene.outline.pixels for scene in front.scenes]
         each = [
@@ -156,8 +160,7 @@ def table(front: Front) -> str:
             ]
         )
     names = ", ".join(scene.name for scene in front.scenes)
-    lines = "\n".join("| " + " | ".join(row) + " |" for row in rows)
-    return f"{front.kind}: {names}\n\n{lines}\n"
+    return f"{front.kind}: {names}\n\n{text.table(head, rows)}\n"
 
 
 def _ranged(values: Sequence[float]) -> str:

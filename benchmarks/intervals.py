@@ -132,7 +132,7 @@ def table(twins: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
     for twin in twins:
         for each in twin["parameters"]:
             if each["determined"]:
-                off = _deviations(each)
+                off = deviations(each)
                 rows.setdefault(each["name"], []).append(off)
                 rows.setdefault("all", []).append(off)
     return {
@@ -147,7 +147,7 @@ def table(twins: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
     }
 
 
-def _deviations(each: dict[str, Any]) -> float:
+def deviations(each: dict[str, Any]) -> float:
     """Of the truth from what was found, in standard deviations."""
     value, truth, std = each["value"], each["truth"], each["std"]
     if each["log"]:

@@ -31,6 +31,7 @@ from cloudjax_scenes.trade.subjects import sensor_subject, some_of
 from cloudjax_scenes.trade.trial import Subject, band_error
 from cloudjax_scenes.weather_scene import World, open_world
 
+from .parts import text
 from .parts.promise_scenes import IMAGERY_BANDS, cases
 
 
@@ -77,7 +78,7 @@ def main() -> None:
     for row in _rows(asked.weather, asked.scene):
         rows.append(row)
         forget_if_much()
-        print(line(row), flush=True)
+        print(" | ".join(cells(row)), flush=True)
         numbers = json.dumps([asdict(row) for row in rows], indent=1) + "\n"
         write_text_whole(asked.output / "promise.json", numbers)
         write_text_whole(asked.output / "promise.md", table(rows))
@@ -143,10 +144,10 @@ def _chosen(front, max_error: float, subject: Subject) -> Expected:
     return front.within_error(max(max_error, every[-1].error), subject.outline)
 
 
-def line(row: Kept) -> str:
+def cells(row: Kept) -> list[str]:
     """Write one row of the table."""
     bands = ", ".join(map(str, row.bands))
-    cells = (
+    return [
         row.scene.partition(" over ")[0],
         bands,
         row.options,
@@ -154,21 +155,19 @@ def line(row: Kept) -> str:
         f"{row.error:.2%}" + ("" if row.keeps_error else " !"),
         f"{row.seconds_expected:.2g}",
         f"{row.seconds:.2g}" + ("" if row.keeps_seconds else " !"),
-    )
-    return "| " + " | ".join(cells) + " |"
+    ]
 
 
 def table(rows: Sequence[Kept]) -> str:
     """Write all rows as Markdown, and how many keep their promises."""
-    head = "| scene | bands | options | error expected | found | s expected | taken |\n"
-    head += "| --- | --- | --- | --: | --: | --: | --: |\n"
+    head = ["scene", "bands", "options"]
+    head += ["error expected", "found", "s expected", "taken"]
     errors, seconds = (
         np.mean([getattr(row, name) for row in rows])
         for name in ("keeps_error", "keeps_seconds")
     )
     return (
-        head
-        + "\n".join(map(line, rows))
+        text.table(head, [cells(row) for row in rows])
         + f"\n\n{len(rows)} scenes: errors within a factor of {_FACTOR:g} of what was "
         f"expected in {errors:.0%}, times in {seconds:.0%}.\n"
     )

@@ -7,12 +7,13 @@ from datetime import datetime
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 import cloudjax
 from cloudjax import (
     Band,
     BandRadiances,
+    Camera,
     CloudProducts,
     FixedGrid,
     Scene,
@@ -101,12 +102,10 @@ def render_sensor(
     rays = view.rays()
     ground, hit = ground_points(rays)
     scene = world.scene(bands, time, winds, day=is_day(ground, hit, sun))
-    # A fixed grid has much of space, a camera the limb and the sky with their clouds.
-    spared = isinstance(view, FixedGrid) and hit.any()
-    pixels = np.flatnonzero(hit) if spared else np.arange(hit.size)
+    pixels = rendered_pixels(view, hit)
     image = render(
         scene,
-        rays[pixels] if spared else rays,
+        rays if len(pixels) == hit.size else rays[pixels],
         sun,
         with_products=True,
         on_tile=on_tile,
@@ -153,6 +152,17 @@ def _cloud_fields(clouds: CloudProducts, cloudy, share: float, whole: _OnGrid):
         "cloud_top_height_m": whole(np.where(cloudy, clouds.top_height_m, np.nan)),
         "cloud_class": whole(_classes(clouds, cloudy), 0),
     }
+
+
+def rendered_pixels(
+    view: FixedGrid | Camera, hit: Bool[np.ndarray, " n"]
+) -> Int[np.ndarray, " rendered"]:
+    """Choose the pixels that are rendered, by which of them see the ground.
+
+    A fixed grid has much of space, a camera the limb and the sky with their clouds.
+    """
+    spared = isinstance(view, FixedGrid) and hit.any()
+    return np.flatnonzero(hit) if spared else np.arange(hit.size)
 
 
 def is_day(ground: GroundPoints, hit, sun: Float[np.ndarray, "3"]) -> bool:

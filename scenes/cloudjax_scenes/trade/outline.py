@@ -57,8 +57,9 @@ class Outline:
 
 def usual_pixel_m(rays: Rays) -> float:
     """Return the median width of pixels on the ground; nearest to it where none is."""
-    ground, hit = rays.ground()
-    widths = rays.footprint_m() if hit.any() else rays.pixel_rad * ground.distance_m
+    widths = rays.footprint_m()
+    if np.isnan(widths).all():
+        widths = rays.pixel_rad * rays.ground()[0].distance_m
     return float(np.nanmedian(widths))
 
 

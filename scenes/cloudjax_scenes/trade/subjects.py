@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from cloudjax import Band, FixedGrid, Rays, Scene
+from cloudjax import Band, Rays, Scene
 from cloudjax_data import sun_direction
 from cloudjax_scenes.imagery import Imagery
 from cloudjax_scenes.lights import Light
 from cloudjax_scenes.model_scene import ModelWorld
 from cloudjax_scenes.quality import Quality
-from cloudjax_scenes.sensor_image import is_day
+from cloudjax_scenes.sensor_image import is_day, rendered_pixels
 from cloudjax_scenes.sensors import Sensor
 from cloudjax_scenes.weather_scene import World
 
@@ -98,16 +98,13 @@ def _outlined(
     rays = view.rays(np.sort(drawn))
     ground, hit = rays.ground()
     day = is_day(ground, hit, sun_direction(time))
-    # As `render_sensor` does: space is spared of fixed grids alone.
-    rendered = (
-        hit if isinstance(view, FixedGrid) and hit.any() else np.full_like(hit, 1)
-    )
-    rays = rays[rendered]
+    pixels = rendered_pixels(view, hit)
+    rays = rays[pixels]
     outline = Outline(
         _world_kind(world, bands, day=day),
         tuple(band.number for band in bands),
         usual_pixel_m(rays),
-        max(round(every * float(rendered.mean())), 1),
+        round(every * len(pixels) / len(hit)),
     )
     return outline, rays, day
 
