@@ -46,10 +46,10 @@ check: lint test-all docs
 bench: $(VENV)/installed-peers
 	$(BIN)/python benchmarks/bench.py -o out/bench
 
-# WEATHER: a global analysis; SCENE: a folder of ABI files.
+# WEATHER: a global analysis; SCENE, NIGHT: folders of ABI files by day and by night.
 bench-tradeoff: $(VENV)/installed
 	$(BIN)/python -m benchmarks.fronts --weather $(WEATHER) --scene $(SCENE) -o out/fronts
-	$(BIN)/python -m benchmarks.promise --weather $(WEATHER) --scene $(SCENE) -o out/promise
+	$(BIN)/python -m benchmarks.promise --weather $(WEATHER) --scene $(NIGHT) -o out/promise
 	$(BIN)/python -m benchmarks.fit_trade -o out/fit_trade
 
 bench-footprint: $(VENV)/installed

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from .options import (
+    Duration,
     Place,
     Time,
     bands_option,
@@ -36,8 +37,8 @@ _OF_COSTS = ("weather", "time", "centre", "shadows", "budget")
 )
 @click.option(
     "--budget",
-    type=click.FloatRange(0, min_open=True),
-    help="With --cost: seconds to measure for.  [default: 60]",
+    type=Duration(),
+    help="With --cost: time to measure for.  [default: 60s]",
 )
 def info(target, bands, ignore_weather, light, cost, **options) -> None:
     """Show what a scene holds, and which model parts a run would use.
@@ -52,13 +53,13 @@ def info(target, bands, ignore_weather, light, cost, **options) -> None:
             raise click.UsageError(f"--{given[0]} is for --cost: give that too")
         _print_folder(target, bands, ignore_weather, light)
         return
-    from .cost_rows import cost_rows
+    from .cost_lines import cost_lines
     from .subjects import subject_of
 
     if Path(target).is_dir():
         _print_folder(target, bands, ignore_weather, light)
         click.echo("")
-    click.echo("The whole image costs, once compiled, and of it each part:")
+    click.echo("What the whole image costs, once compiled, and each part of it:")
     shadows = options["shadows"] or 0
     subject = subject_of(
         target,
@@ -70,7 +71,9 @@ def info(target, bands, ignore_weather, light, cost, **options) -> None:
         centre=options["centre"],
         shadows=shadows,
     )
-    _print(cost_rows(subject, shadows=shadows, budget_s=options["budget"] or 60.0))
+    budget_s = options["budget"] or 60.0
+    for line in cost_lines(subject, shadows=shadows, budget_s=budget_s):
+        click.echo(line)
 
 
 def _print_folder(scene, bands, ignore_weather, light) -> None:

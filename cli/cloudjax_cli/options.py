@@ -41,6 +41,25 @@ class Time(click.ParamType):
             self.fail(f"{value!r} is not a time such as 2023-04-26T17:00")
 
 
+class Duration(click.ParamType):
+    """A time to wait for, in seconds: 120, 120s or 2min."""
+
+    name = "seconds"
+    _units = (("min", 60.0), ("s", 1.0), ("", 1.0))
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, float):
+            return value
+        unit, in_s = next(both for both in self._units if value.endswith(both[0]))
+        try:
+            seconds = float(value.removesuffix(unit)) * in_s
+        except ValueError:
+            self.fail(f"{value!r} is not a time such as 120s or 2min")
+        if not 0 < seconds < float("inf"):
+            self.fail(f"{value!r} is no time to work in: give more than 0 s")
+        return seconds
+
+
 class Place(click.ParamType):
     """Latitude and longitude in degrees, such as 25,-80."""
 

@@ -64,7 +64,7 @@ _OPTIONS = (
     ),
     click.option(
         "--max-seconds",
-        type=click.FloatRange(0, min_open=True),
+        type=Duration(),
         help="The best quality that takes no longer, compiling apart, as measured.",
     ),
 )

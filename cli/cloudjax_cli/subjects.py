@@ -18,7 +18,7 @@ from cloudjax_scenes.quality import Quality
 from cloudjax_scenes.sensors import read_sensor
 from cloudjax_scenes.trade.subjects import imagery_outline, sensor_subject, some_of
 from cloudjax_scenes.trade.trial import Subject
-from cloudjax_scenes.weather_scene import open_world
+from cloudjax_scenes.weather_scene import World, open_world
 
 
 def subject_of(
@@ -66,13 +66,19 @@ def subject_of(
         )
     settings: dict[str, Any] = {} if light is None else {"light": light}
     settings["shadows"] = shadows
+    world, moment = _world(weather, wrf, place, time, settings)
+    return sensor_subject(world, read_sensor(target, centre=centre), bands, moment)
+
+
+def _world(
+    weather, wrf, place, time, settings: dict[str, Any]
+) -> tuple[World | ModelWorld, datetime]:
+    """Clouds over an analysis, or those of a model, and the time asked or theirs."""
     if wrf:
         frame = open_wrf(wrf).at(time)
-        world, moment = ModelWorld(read_wrf(frame, place), **settings), frame.time
-    else:
-        world = open_world(weather, None, **settings)
-        moment = time or world.series.times[0]
-    return sensor_subject(world, read_sensor(target, centre=centre), bands, moment)
+        return ModelWorld(read_wrf(frame, place), **settings), frame.time
+    world = open_world(weather, None, **settings)
+    return world, time or world.series.times[0]
 
 
 def folder_subject(name: str, inputs: FitInputs, shadows: int) -> Subject:

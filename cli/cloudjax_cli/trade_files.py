@@ -57,7 +57,14 @@ def write_trade(folder: Path, front: Front, command: str) -> None:
     click.echo("Nothing beats:")
     for trial in front.scenes[0].best:
         click.echo(f"  {_said(trial)}")
-    click.echo(f"{folder / 'tradeoff.html'} and tradeoff.json; kept as {keep(front)}")
+    click.echo(f"{folder / 'tradeoff.html'} and tradeoff.json")
+    kept = keep(front)
+    click.echo(
+        f"Kept as {kept}"
+        if kept
+        else "Not kept for --max-error and --max-seconds: too few qualities, or fewer "
+        "than were kept before; allow a greater --budget."
+    )
 
 
 def _said(trial: Trial) -> str:

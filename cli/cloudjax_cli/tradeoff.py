@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from .options import (
+    Duration,
     Place,
     Time,
     bands_option,
@@ -36,9 +37,10 @@ from .options import (
 @click.option(
     "--budget",
     "budget_s",
-    type=click.FloatRange(0, min_open=True),
-    default=600.0,
-    help="Seconds to measure for; the reference and the usual quality are measured "
+    type=Duration(),
+    default="600s",
+    show_default=True,
+    help="Time to measure for; the reference and the usual quality are measured "
     "whatever it is.",
 )
 def tradeoff(target, output, budget_s, shadows, **options) -> None:

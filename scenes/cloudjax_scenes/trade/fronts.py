@@ -71,6 +71,11 @@ class Front:
             points[quality] = float(seconds * faster), float(error)
         return [Expected(quality, *points[quality]) for quality in front(points)]
 
+    @property
+    def qualities(self) -> tuple[Quality, ...]:
+        """Those that were measured of every scene."""
+        return tuple(self._of_all())
+
     def _of_all(self) -> dict[Quality, list[Trial]]:
         """The qualities that were measured of every scene."""
         of_each = [{t.quality: t for t in scene.trials} for scene in self.scenes]
@@ -130,6 +135,8 @@ class Front:
 
 # For logarithms of seconds and errors.
 _LEAST = 1e-6
+# Less to choose from is no front.
+_LEAST_QUALITIES = 3
 
 
 def _measured(data: dict[str, Any]) -> Measured:
@@ -162,9 +169,16 @@ def own_file(kind: Kind) -> Path:
     return folder / f"{Machine.here().name}, {kind}.json".replace(" ", "_")
 
 
-def keep(front: Front) -> Path:
-    """Keep a front for later renders on this machine, and return its file."""
+def keep(front: Front) -> Path | None:
+    """Keep a front for later renders on this machine, and return its file.
+
+    One that leaves little to choose is not kept, nor one of fewer qualities than are
+    kept already.
+    """
     file = own_file(front.kind)
+    known = len(read_front(file).qualities) if file.exists() else 0
+    if len(front.qualities) < max(known, _LEAST_QUALITIES):
+        return None
     file.parent.mkdir(parents=True, exist_ok=True)
     write_text_whole(file, json.dumps(front.json(), indent=1) + "\n")
     return file

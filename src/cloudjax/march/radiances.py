@@ -119,14 +119,15 @@ def _cloudy(
     behind, column = background(scene, view.around), view.around.column
     reflective = emissive = None
     if scene.reflective is not None and behind.reflectance is not None:
-        bands = scene.reflective
-        source, passed = reflected(scene, ways, first, view, behind.reflectance)
+        bands, air = scene.reflective, None
         path = bands.path[:, None]
         if scene.air is not None and column is not None:
             top = top_altitude_m(ways, first)
             air = scene.air.veil(bands, column, scene.temperature, top)
-            source = air.over(source, column.sun)
             path = path + air.path
+        source, passed = reflected(scene, ways, first, view, behind.reflectance, path)
+        if air is not None and column is not None:
+            source = air.over(source, column.sun)
         seen = under_air(source, passed, behind.reflectance, path, bands.gain)
         if behind.glint is not None:
             seen = seen + behind.glint * beam(ways, view.around.ground.sun_height)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from cloudjax.light.reflectance import above_horizon
 from cloudjax.light.reflection import AbstractReflection, Illumination, Returned
@@ -20,16 +20,21 @@ from .view import View
 
 
 def reflected(
-    scene: Scene, ways: Sequence[MarchedWay], first: Seen, view: View, background
+    scene: Scene, ways: Sequence[MarchedWay], first: Seen, view: View, background, path
 ):
     """Find the reflectance factor of all cloud and its transmittance, [bands rays].
 
     A layer's light is dimmed by what lies in front of the part of it that is seen. What
     is behind a layer, of reflectance A, is lit by what the layer sends back too, and
-    seen through it as t A/(1 - A R) (Liou 2002, eq. 6.3.31), R the layer's own.
+    seen through it as t A/(1 - A R) (Liou 2002, eq. 6.3.31), R the layer's own. Where
+    there is no light at all, cloud is as good as clear air.
+
+    **Arguments:** `path`: what the air in front of cloud sends back.
     """
     lights = [_illumination(way, view.around.sun_direction) for way in ways]
-    returned = _returned(scene.reflection, ways, lights)
+    lit = ((background != 0) | (path != 0)).any(0)
+    lit = ft.reduce(jnp.logical_or, (light.sun_height > 0 for light in lights), lit)
+    returned = _returned(scene.reflection, ways, lights, lit)
     dimmed, ground = _shaded(scene, view, ways)
     background = ground * background
     sent = [
@@ -81,11 +86,13 @@ def _returned(
     reflection: AbstractReflection,
     ways: Sequence[MarchedWay],
     lights: Sequence[Illumination],
+    lit: Bool[Array, " rays"],
 ) -> list[Returned]:
     """What becomes of sunlight in each way's cloud, [bands nodes rays]."""
     slabs = [
         (
-            way.layer.sunlit_per_m[:, None, None] * way.passed.depth_m[None],
+            way.layer.sunlit_per_m[:, None, None]
+            * jnp.where(lit, way.passed.depth_m, 0.0)[None],
             way.layer.optics.scatterers,
             light,
         )
@@ -102,7 +109,7 @@ def _returned(
         return in_slabs(reflection, depth, particles, light, by_none(slab))
 
     return each_met(
-        [way.met for way in ways],
+        [way.met if way.met is True else way.met & lit.any() for way in ways],
         found,
         by_none,
         slabs,

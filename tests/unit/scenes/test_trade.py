@@ -242,6 +242,18 @@ def test_a_front_is_kept_and_found_again(trials, tmp_path, monkeypatch):
         front_for(front.kind)
 
 
+def test_what_leaves_little_to_choose_is_not_kept(trials, tmp_path, monkeypatch):
+    monkeypatch.setattr(fronts.platformdirs, "user_data_path", lambda _: tmp_path)
+    assert keep(_front(trials[:3])) is None
+    assert not fronts.own_file(KIND).exists()
+    # Nor does it take the place of more.
+    file = keep(_front(trials))
+    assert file is not None
+    assert keep(_front(trials[:4])) is None
+    assert len(read_front(file).qualities) == len(trials) - 1
+    assert keep(_front(trials[:1] + trials[1:][::-1])) == file
+
+
 def test_the_page_tells_the_front_and_how_to_have_it(trials):
     front = _front(trials)
     page = trade_page(front, "cloudjax render abi-meso-2km --weather gfs.grib2")

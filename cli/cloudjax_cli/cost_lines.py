@@ -8,13 +8,14 @@ from cloudjax_scenes.trade.subjects import some_of
 from cloudjax_scenes.trade.trial import Subject
 
 
-Row = tuple[str, str]
 # Pixels: a tile that every machine's cache holds.
 _TIMED = 2048
+_LINE = "{:<26}{:<6}{:>12}   {}"
 
 
-def cost_rows(subject: Subject, *, shadows: int, budget_s: float) -> Iterator[Row]:
-    """Tell of each part of the model whether it is used, why, and what it costs."""
+def cost_lines(subject: Subject, *, shadows: int, budget_s: float) -> Iterator[str]:
+    """Tell of each part of the model whether it is used, what it costs, and why."""
+    yield _LINE.format("part", "used", "seconds", "why")
     found = costs(
         subject.scene(Quality(shadows=shadows)),
         some_of(subject.rays, _TIMED),
@@ -23,14 +24,13 @@ def cost_rows(subject: Subject, *, shadows: int, budget_s: float) -> Iterator[Ro
         budget_s=budget_s,
     )
     for part, cost in found:
-        yield part.name, f"{_said(part, cost)}: {part.why}"
+        used = "yes" if part.used else "no"
+        yield _LINE.format(part.name, used, _seconds(part, cost), part.why)
 
 
-def _said(part: Part, cost: Cost) -> str:
+def _seconds(part: Part, cost: Cost) -> str:
     if not part.used:
-        return "left out, costs nothing"
+        return "0"
     if cost.seconds is None:
-        return (
-            "used" if part.without is None else "used, not measured in the time given"
-        )
-    return f"{cost.seconds:.2f} s" if cost.timed else f"about {cost.seconds:.1f} s"
+        return "in others" if part.without is None else "not timed"
+    return f"{cost.seconds:.2f}" if cost.timed else f"about {cost.seconds:.1f}"
