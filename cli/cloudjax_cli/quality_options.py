@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .options import Duration
+
 
 if TYPE_CHECKING:
     from cloudjax_scenes.quality import Quality

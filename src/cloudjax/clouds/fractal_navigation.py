@@ -70,22 +70,37 @@ def masked(
 
 def blown(
     way: FractalPath,
-    maps: Sequence[DisplacementMap | None],
-    upward: Float[Array, "rays knots 3"],
-    altitude_m: Float[Array, "rays knots"],
+    maps: Sequence[DisplacementMap | None] | None,
     per_m: Float[Array, "read 3 3"],
     ladders: tuple[int, ...],
     *,
-    strains: bool,
+    count: int,
 ) -> FractalPath:
-    """Lead a way through noise that the wind has drawn.
+    """Lead a still way through noise that the wind has drawn.
 
-    **Arguments:** `maps`: of each ladder; `per_m`, `ladders`: of the rungs that are
-    read; `strains`: whether it is asked how the wind has strained the air.
+    **Arguments:** `maps`: of each ladder, of which there are `count`; None for calm,
+    held as wind is. `per_m`, `ladders`: of the rungs that are read.
     """
-    each = {id(m): _drawn(m, upward, altitude_m, strains) for m in maps}
+    still = way.still
+    assert still is not None
+    if maps is None:
+        return _calm(way, count=count)
+    knots = still.upward, still.altitude_m, still.strains
+    each = {id(m): _drawn(m, *knots) for m in maps}
     drifts, strained = zip(*(each[id(m)] for m in maps), strict=True)
-    return _drifted(way, drifts, strained if strains else None, per_m, ladders)
+    return _drifted(way, drifts, strained if still.strains else None, per_m, ladders)
+
+
+@ft.partial(jax.jit, static_argnames="count")
+def _calm(way: FractalPath, *, count: int) -> FractalPath:
+    """A way in calm air, in the structure of those in wind."""
+    assert way.still is not None
+    rays, _, *rest = way.change_m.shape
+    strain = None
+    if way.still.strains:
+        strain = jnp.broadcast_to(jnp.eye(3), (rays, count, 3, 3))
+    change = jnp.broadcast_to(way.change_m, (rays, count, *rest))
+    return replace(way, change_m=change, strain=strain, still=None)
 
 
 @eqx.filter_jit
@@ -119,7 +134,8 @@ def _drifted(
     drift = jnp.stack(drifts, axis=1)
     start, further = drift[:, :, 0], drift[:, :, 1:] - drift[:, :, :1]
     moved = [
-        jnp.matmul(start[:, ladder], frame.T, precision="highest")
+        # Written out: products of small matrices are not fused with what follows.
+        sum(frame[None, :, axis] * start[:, ladder, axis, None] for axis in range(3))
         for frame, ladder in zip(frames, ladder_of, strict=True)
     ]
     entry = way.entry + jnp.stack(moved, axis=1) if moved else way.entry
@@ -128,4 +144,5 @@ def _drifted(
         entry=entry - jnp.floor(entry),
         change_m=way.change_m + jnp.moveaxis(further, 2, 3),
         strain=None if strains is None else jnp.stack(strains, axis=1),
+        still=None,
     )

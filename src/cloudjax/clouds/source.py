@@ -100,6 +100,15 @@ class AbstractCloudSource(eqx.Module):
         **Returns:** the ways: a module that holds the `path`.
         """
 
+    def blown(self, way: Any, *, met: bool = True) -> Any:
+        """Follow the wind along ways that were laid `still`, as a source with wind may.
+
+        **Arguments:** `met`: whether any ray can meet cloud; where not, only the
+        structure of what is returned matters.
+        """
+        del met
+        return way
+
     @abc.abstractmethod
     def likelihood(self, samples: Any) -> Float[Array, " rays"]:
         """Estimate how likely a ray is to meet cloud anywhere on its way.
@@ -127,6 +136,15 @@ class AbstractCloudSource(eqx.Module):
         **Returns:** a module that holds the `path`, and has a method `on(path, at)`
         that gives the same at other parts of the chord.
         """
+
+    def unread(self, way: Any, textures: Any, *, steps: int, slopes: bool) -> Any:
+        """Return what `sample` would of ways that meet no cloud, and read nothing.
+
+        As it would the path and what `likelihood` needs; the rest in its shape.
+
+        **Returns:** None of a source that reads so little that it may as well.
+        """
+        del way, textures, steps, slopes
 
     @abc.abstractmethod
     def branch(

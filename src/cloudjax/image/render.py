@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from cloudjax.geometry.footprint import kinds
 from cloudjax.geometry.rays import Rays, Sensor, lines_of_sight
@@ -25,6 +25,7 @@ from cloudjax.march.view import (
     Surroundings,
     View,
     Ways,
+    blown,
     grouped_alike,
     lay,
     look_around,
@@ -187,25 +188,27 @@ def _tiles_of(view: View, size: int) -> Iterator[Tile]:
 
 def _likely_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[Tile]:
     """Sample the rays that can meet cloud, and only those."""
-    share, kind = _shares(scene, batch)
+    share, met = _shares(scene, batch)
     likely = share > 0
     for some, filled in tiles(np.flatnonzero(~likely), size):
         yield Tile(batch.index[some], _pick(_around(batch.ways), filled))
     # Rays that meet the same layers together: what no ray of a tile meets is skipped.
-    order = np.argsort(kind, kind="stable")
+    order = np.argsort(_kinds(met), kind="stable")
     for some, filled in tiles(order[likely[order]], size):
-        ways = _pick(batch.ways, filled)
-        yield Tile(batch.index[some], sample(scene, ways, batch.textures))
+        # Shadows may be of cloud that no ray meets.
+        read = None if scene.shadows is not None else tuple(met[:, some].any(1).tolist())
+        ways = blown(scene, _pick(batch.ways, filled), read)
+        yield Tile(batch.index[some], sample(scene, ways, batch.textures, read))
 
 
 def _sampled_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[Tile]:
     """Sample all rays, for scenes whose clouds may be anywhere."""
     # Those alike together, so that whole tiles are clear of a layer or of all.
-    share, kind = _shares(scene, batch)
-    for some, filled in tiles(np.lexsort((kind, -share)), size):
+    share, met = _shares(scene, batch)
+    for some, filled in tiles(np.lexsort((_kinds(met), -share)), size):
         part = _pick(batch.ways, filled)
         if isinstance(part, Ways):
-            part = sample(scene, part, batch.textures)
+            part = sample(scene, blown(scene, part), batch.textures)
         yield Tile(batch.index[some], part)
 
 
@@ -215,15 +218,20 @@ def _around(ways: Ways | Surroundings) -> Surroundings:
 
 def _shares(
     scene: Scene, batch: _Batch
-) -> tuple[Float[np.ndarray, " rays"], Int[np.ndarray, " rays"]]:
-    """How much of each ray's cloud counts, 0 where it is clear, and a number for the
-    ways on which some does.
-    """
+) -> tuple[Float[np.ndarray, " rays"], Bool[np.ndarray, "ways rays"]]:
+    """How much of each ray's cloud counts, 0 where it is clear, and on which ways."""
     count = len(batch.index)
     if isinstance(batch.ways, Surroundings) or not batch.ways.of_sources:
-        return np.zeros(count), np.zeros(count, int)
-    whole, kind = (np.asarray(x)[:count] for x in _share(scene, batch.ways))
-    return whole, kind
+        return np.zeros(count), np.zeros((0, count), bool)
+    whole, met = (np.asarray(x)[..., :count] for x in _share(scene, batch.ways))
+    return whole, met
+
+
+def _kinds(met: Bool[np.ndarray, "ways rays"]) -> Int[np.ndarray, " rays"]:
+    """A number for the ways that each ray meets."""
+    # Beyond 62 ways some share a number, which only orders rays less well.
+    none = np.zeros(met.shape[1], int)
+    return sum((on << i % 62 for i, on in enumerate(met.astype(int))), none)
 
 
 def _march(scene: Scene, jobs, part: range, with_products: bool, on_tile=None):
@@ -297,10 +305,8 @@ def _seen_by_one(scene: Scene, view: View | Surroundings, *, with_products: bool
 @jax.jit
 def _share(scene: Scene, ways: Ways):
     layers = ways.of_sources, ways.layer_of
-    each_way = shares_of_ways(scene, *layers)
-    # Beyond 31 ways some share a number, which only orders rays less well.
-    kind = sum((share > 0) * 2 ** (i % 31) for i, share in enumerate(each_way))
-    return cloud_share(scene, *layers), jnp.asarray(kind, int)
+    each_way = jnp.stack(shares_of_ways(scene, *layers))
+    return cloud_share(scene, *layers), each_way > 0
 
 
 _pick = jax.jit(lambda whole, index: jax.tree.map(lambda x: x[index], whole))
@@ -336,7 +342,12 @@ def _jobs(
                 some = rays[filled]
                 if kind.knots:
                     ways = lay(
-                        scene, some, sun_direction, kind.sampling, twice=kind.twice
+                        scene,
+                        some,
+                        sun_direction,
+                        kind.sampling,
+                        twice=kind.twice,
+                        still=True,
                     )
                 else:
                     ways = look_around(scene, some, sun_direction)

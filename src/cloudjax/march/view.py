@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from cloudjax.air.clear_air import Column
 from cloudjax.geometry.footprint import Kind, Sampling, grouped, kinds
@@ -30,7 +30,7 @@ from cloudjax.geometry.path import (
 from cloudjax.geometry.rays import Rays, Sensor, lines_of_sight
 from cloudjax.light.ground import GroundSamples
 
-from .scene import Scene
+from .scene import Layer, Scene
 from .shadows import Passage, Shades, find_shades
 
 
@@ -212,14 +212,18 @@ def lay(
     sampling: Sampling,
     *,
     twice: bool = False,
+    still: bool = False,
 ) -> Ways:
     """Lay rays of one kind through all layers, on the host in float64.
 
-    **Arguments:** `twice`: follow rays that graze the Earth into a shell a second time.
+    **Arguments:**
+
+    - `twice`: follow rays that graze the Earth into a shell a second time.
+    - `still`: leave the wind for `blown`.
     """
     ways, entries, layer_of, air = [], [], [], []
     asked = scene.shadows is not None or _sees_slopes(scene)
-    sampling = replace(sampling, strains=asked)
+    sampling = replace(sampling, strains=asked, still=still)
     for i, layer in enumerate(scene.layers):
         own = sampling.through(layer.cloud.shell.depth_m)
         for chord in find_chords(rays, layer.cloud.shell)[: 1 + twice]:
@@ -241,6 +245,20 @@ def lay(
         look_around(scene, rays, sun_direction),
         tuple(layer_of),
     )
+
+
+def blown(scene: Scene, ways: Ways, met: Sequence[bool] | None = None) -> Ways:
+    """Follow the wind along ways that were laid still.
+
+    **Arguments:** `met`: whether cloud is likely on any ray of each way; wind is not
+    followed along others.
+    """
+    met = [True] * len(ways.layer_of) if met is None else met
+    found = tuple(
+        scene.layers[i].cloud.blown(way, met=bool(some))
+        for i, way, some in zip(ways.layer_of, ways.of_sources, met, strict=True)
+    )
+    return replace(ways, of_sources=found)
 
 
 def look_around(
@@ -268,16 +286,27 @@ def make_textures(scene: Scene) -> tuple:
 
 
 @jax.jit
-def sample(scene: Scene, ways: Ways, textures: tuple) -> View:
+def sample(
+    scene: Scene,
+    ways: Ways,
+    textures: tuple,
+    met: Sequence[Bool[Array, ""]] | None = None,
+) -> View:
     """Sample each layer's clouds along its ways, and towards the sun for shadows.
 
-    **Arguments:** `textures`: of each layer.
+    **Arguments:**
+
+    - `textures`: of each layer.
+    - `met`: whether cloud is likely on any ray of each way; nothing is read of others.
+      The view then serves these parameters alone.
     """
     slopes = _sees_slopes(scene)
     layers = [scene.layers[i] for i in ways.layer_of]
     samples = tuple(
-        layer.cloud.sample(way, textures[i], steps=layer.steps, slopes=slopes)
-        for i, layer, way in zip(ways.layer_of, layers, ways.of_sources, strict=True)
+        _sampled(layer, way, textures[i], slopes, None if met is None else met[place])
+        for place, (i, layer, way) in enumerate(
+            zip(ways.layer_of, layers, ways.of_sources, strict=True)
+        )
     )
     shades = None
     if scene.shadows is not None and scene.reflective is not None and samples:
@@ -291,6 +320,18 @@ def sample(scene: Scene, ways: Ways, textures: tuple) -> View:
         sun = ways.around.sun_direction
         shades = find_shades(scene.shadows, passages, ways.layer_of, sun)
     return View(samples, ways.start_m, ways.air_k, ways.around, shades, ways.layer_of)
+
+
+def _sampled(layer: Layer, way, textures, slopes: bool, met) -> Any:
+    """Sample a way, if any of it can meet cloud."""
+    asked = {"steps": layer.steps, "slopes": slopes}
+    found = ft.partial(layer.cloud.sample, **asked)
+    if met is None:
+        return found(way, textures)
+    unread = layer.cloud.unread(way, textures, **asked)
+    if unread is None:
+        return found(way, textures)
+    return jax.lax.cond(met, found, lambda *_: unread, way, textures)
 
 
 def tiles(
