@@ -20,7 +20,7 @@ from cloudjax.weather.masks import AbstractMask
 
 from .cloud_function import CloudFunction
 from .fractal_navigation import at_knots, blown, in_noise, masked
-from .fractal_path import FractalPath, Still
+from .fractal_path import FractalPath
 from .fractal_samples import FractalSamples, held_alike
 from .ladder import Ladder, Rung, common_share, frames, kept, rungs, seed_of_draw
 from .level_set import Latent, level_set
@@ -164,19 +164,11 @@ class FractalCloud(AbstractCloudSource):
         maps = self.displacements
         if maps is None or all(m is None for m in maps):
             return way
-        knots = Still(device_array(upward), device_array(altitude), sampling.strains)
-        way = replace(way, still=knots)
-        return way if sampling.still else self.blown(way)
-
-    def blown(self, way: FractalPath, *, met: bool = True) -> FractalPath:
-        """Lead still ways through noise that the wind has drawn."""
-        if way.still is None:
-            return way
-        read = [i for i, count in enumerate(way.points) if count]
-        per_m = device_array(self.frames[0][read].astype(float))
         ladders = tuple(self.rungs[i].ladder for i in read)
-        maps = self.displacements if met else None
-        return blown(way, maps, per_m, ladders, count=len(self.ladders))
+        knots = device_array(upward), device_array(altitude)
+        return blown(
+            way, maps, *knots, device_array(per_m), ladders, strains=sampling.strains
+        )
 
     def _placed(self, rays: Rays, chord: Chords) -> Placed | None:
         """Coarse fields vary little along a way: its middle tells them."""

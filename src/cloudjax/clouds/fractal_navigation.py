@@ -70,37 +70,22 @@ def masked(
 
 def blown(
     way: FractalPath,
-    maps: Sequence[DisplacementMap | None] | None,
+    maps: Sequence[DisplacementMap | None],
+    upward: Float[Array, "rays knots 3"],
+    altitude_m: Float[Array, "rays knots"],
     per_m: Float[Array, "read 3 3"],
     ladders: tuple[int, ...],
     *,
-    count: int,
+    strains: bool,
 ) -> FractalPath:
-    """Lead a still way through noise that the wind has drawn.
+    """Lead a way through noise that the wind has drawn.
 
-    **Arguments:** `maps`: of each ladder, of which there are `count`; None for calm,
-    held as wind is. `per_m`, `ladders`: of the rungs that are read.
+    **Arguments:** `maps`: of each ladder; `per_m`, `ladders`: of the rungs that are
+    read; `strains`: whether it is asked how the wind has strained the air.
     """
-    still = way.still
-    assert still is not None
-    if maps is None:
-        return _calm(way, count=count)
-    knots = still.upward, still.altitude_m, still.strains
-    each = {id(m): _drawn(m, *knots) for m in maps}
+    each = {id(m): _drawn(m, upward, altitude_m, strains) for m in maps}
     drifts, strained = zip(*(each[id(m)] for m in maps), strict=True)
-    return _drifted(way, drifts, strained if still.strains else None, per_m, ladders)
-
-
-@ft.partial(jax.jit, static_argnames="count")
-def _calm(way: FractalPath, *, count: int) -> FractalPath:
-    """A way in calm air, in the structure of those in wind."""
-    assert way.still is not None
-    rays, _, *rest = way.change_m.shape
-    strain = None
-    if way.still.strains:
-        strain = jnp.broadcast_to(jnp.eye(3), (rays, count, 3, 3))
-    change = jnp.broadcast_to(way.change_m, (rays, count, *rest))
-    return replace(way, change_m=change, strain=strain, still=None)
+    return _drifted(way, drifts, strained if strains else None, per_m, ladders)
 
 
 @eqx.filter_jit
@@ -144,5 +129,4 @@ def _drifted(
         entry=entry - jnp.floor(entry),
         change_m=way.change_m + jnp.moveaxis(further, 2, 3),
         strain=None if strains is None else jnp.stack(strains, axis=1),
-        still=None,
     )

@@ -32,8 +32,6 @@ class FractalPath(eqx.Module):
     - `held`: rungs that are held, at every step, where groups of rays that are read
       differently are held alike; else None.
     - `placed`: what the clouds are like there, None where that is alike everywhere.
-    - `still`: what is needed to follow the wind, of ways along which that is yet to be
-      done.
     """
 
     path: Path
@@ -46,7 +44,6 @@ class FractalPath(eqx.Module):
     points: tuple[int, ...] = eqx.field(static=True)
     held: tuple[int, ...] | None = eqx.field(static=True, default=None)
     placed: Placed | None = None
-    still: "Still | None" = None
 
     def positions(
         self,
@@ -125,18 +122,6 @@ class FractalPath(eqx.Module):
             return jnp.ones((len(ladders), 1))
         square = jnp.sum(self.strain**2, axis=(2, 3)) / 3
         return square[:, np.array(ladders)].T
-
-
-class Still(eqx.Module):
-    """The knots of ways that no wind has been followed along.
-
-    **Fields:** `upward`: verticals; `altitude_m`; `strains`: whether it is asked how
-    the wind has strained the air.
-    """
-
-    upward: Float[Array, "rays knots 3"]
-    altitude_m: Float[Array, "rays knots"]
-    strains: bool = eqx.field(static=True)
 
 
 def turned(

@@ -100,15 +100,6 @@ class AbstractCloudSource(eqx.Module):
         **Returns:** the ways: a module that holds the `path`.
         """
 
-    def blown(self, way: Any, *, met: bool = True) -> Any:
-        """Follow the wind along ways that were laid `still`, as a source with wind may.
-
-        **Arguments:** `met`: whether any ray can meet cloud; where not, only the
-        structure of what is returned matters.
-        """
-        del met
-        return way
-
     @abc.abstractmethod
     def likelihood(self, samples: Any) -> Float[Array, " rays"]:
         """Estimate how likely a ray is to meet cloud anywhere on its way.

@@ -89,7 +89,6 @@ class Sampling:
       every step of the march; None where a group is held alone.
     - `strains`: whether it is asked how the wind has strained the air, as slopes and
       shadows ask.
-    - `still`: whether winds are left for later, see `AbstractCloudSource.blown`.
     """
 
     finest_m: float
@@ -98,7 +97,6 @@ class Sampling:
     held_knots: int = 2
     held_finest_m: float | None = None
     strains: bool = True
-    still: bool = False
 
     def way_m(self, depth_m: float) -> float:
         """Return how long [m] a chord through a layer of air can be."""

@@ -25,7 +25,6 @@ from cloudjax.march.view import (
     Surroundings,
     View,
     Ways,
-    blown,
     grouped_alike,
     lay,
     look_around,
@@ -196,8 +195,10 @@ def _likely_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[Tile]:
     order = np.argsort(_kinds(met), kind="stable")
     for some, filled in tiles(order[likely[order]], size):
         # Shadows may be of cloud that no ray meets.
-        read = None if scene.shadows is not None else tuple(met[:, some].any(1).tolist())
-        ways = blown(scene, _pick(batch.ways, filled), read)
+        read = (
+            None if scene.shadows is not None else tuple(met[:, some].any(1).tolist())
+        )
+        ways = _pick(batch.ways, filled)
         yield Tile(batch.index[some], sample(scene, ways, batch.textures, read))
 
 
@@ -208,7 +209,7 @@ def _sampled_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[Tile]:
     for some, filled in tiles(np.lexsort((_kinds(met), -share)), size):
         part = _pick(batch.ways, filled)
         if isinstance(part, Ways):
-            part = sample(scene, blown(scene, part), batch.textures)
+            part = sample(scene, part, batch.textures)
         yield Tile(batch.index[some], part)
 
 
@@ -342,12 +343,7 @@ def _jobs(
                 some = rays[filled]
                 if kind.knots:
                     ways = lay(
-                        scene,
-                        some,
-                        sun_direction,
-                        kind.sampling,
-                        twice=kind.twice,
-                        still=True,
+                        scene, some, sun_direction, kind.sampling, twice=kind.twice
                     )
                 else:
                     ways = look_around(scene, some, sun_direction)

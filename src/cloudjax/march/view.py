@@ -212,18 +212,14 @@ def lay(
     sampling: Sampling,
     *,
     twice: bool = False,
-    still: bool = False,
 ) -> Ways:
     """Lay rays of one kind through all layers, on the host in float64.
 
-    **Arguments:**
-
-    - `twice`: follow rays that graze the Earth into a shell a second time.
-    - `still`: leave the wind for `blown`.
+    **Arguments:** `twice`: follow rays that graze the Earth into a shell a second time.
     """
     ways, entries, layer_of, air = [], [], [], []
     asked = scene.shadows is not None or _sees_slopes(scene)
-    sampling = replace(sampling, strains=asked, still=still)
+    sampling = replace(sampling, strains=asked)
     for i, layer in enumerate(scene.layers):
         own = sampling.through(layer.cloud.shell.depth_m)
         for chord in find_chords(rays, layer.cloud.shell)[: 1 + twice]:
@@ -245,20 +241,6 @@ def lay(
         look_around(scene, rays, sun_direction),
         tuple(layer_of),
     )
-
-
-def blown(scene: Scene, ways: Ways, met: Sequence[bool] | None = None) -> Ways:
-    """Follow the wind along ways that were laid still.
-
-    **Arguments:** `met`: whether cloud is likely on any ray of each way; wind is not
-    followed along others.
-    """
-    met = [True] * len(ways.layer_of) if met is None else met
-    found = tuple(
-        scene.layers[i].cloud.blown(way, met=bool(some))
-        for i, way, some in zip(ways.layer_of, ways.of_sources, met, strict=True)
-    )
-    return replace(ways, of_sources=found)
 
 
 def look_around(
