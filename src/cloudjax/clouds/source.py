@@ -2,7 +2,8 @@
 
 A source answers four questions, in this order:
 
-1. `shell`, `likelihood`: where can its clouds be?
+1. `shell`, `likelihood`: where can its clouds be? A likelihood is that of the present
+   parameters.
 2. `navigate` (host, float64) and `sample` (device): what does it need to know along the
    rays? Both depend on where the rays run and on no parameter of the clouds.
 3. `narrowed`, `occupancy`: where on the ways can there be cloud now, and how much of
