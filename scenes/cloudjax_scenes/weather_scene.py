@@ -219,7 +219,7 @@ class World:
 
     @ft.cached_property
     def fractions(self) -> tuple[Fractions, ...]:
-        """Of each analysis the cloud fraction of each class, NaN under ground."""
+        """Give the cloud fraction of each class in each analysis, NaN under ground."""
         return tuple(
             self.decision.fractions(cube, self.classes, omega_sign=self.omega_sign)
             for cube in self.series.cubes
