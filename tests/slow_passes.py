@@ -4,17 +4,18 @@ What must pass before a change lands leaves them out, for they take hours, and s
 instead: `python tests/slow_passes.py`.
 """
 
+import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Collection
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 
+ROOT = Path(__file__).parents[1]
 LIST = Path(__file__).with_suffix(".txt")
-# How a file has slow tests.
-MARK = "pytest.mark.slow"
 
 
 class Keeper:
@@ -48,16 +49,20 @@ def read() -> dict[str, str]:
     return {file: day for day, file in (line.split(" ", 1) for line in lines)}
 
 
-def told() -> str:
+def marked(folder: str = "tests") -> set[str]:
+    """Files of a folder that have slow tests, as pytest finds them."""
+    collect = ("-m", "pytest", "--collect-only", "-q", "-m", "slow", folder)
+    found = subprocess.run(
+        [sys.executable, *collect], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return {line.split("::")[0] for line in found.stdout.splitlines() if "::" in line}
+
+
+def told(files_with_slow_tests: Collection[str]) -> str:
     """The days of all files with slow tests, in words."""
-    days, root = read(), Path(__file__).parents[1]
-    marked = {
-        path.relative_to(root).as_posix()
-        for path in root.glob("tests/**/test_*.py")
-        if MARK in path.read_text("utf-8")
-    }
+    days = read()
     files: dict[str, list[str]] = defaultdict(list)
-    for name in sorted(marked | days.keys()):
+    for name in sorted(days.keys() | files_with_slow_tests):
         files[days.get(name, "not noted")].append(name)
     said = [f"  {day}: {', '.join(some)}" for day, some in sorted(files.items())]
     head = "Slow tests were left out ('make test-slow'). They last passed on"
@@ -65,4 +70,4 @@ def told() -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(told() + "\n")
+    sys.stdout.write(told(marked()) + "\n")

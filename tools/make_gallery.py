@@ -52,7 +52,7 @@ def disc(world: World) -> list[tuple[str, SensorImage]]:
 
 
 def evidence(world: World) -> list[tuple[str, SensorImage]]:
-    """The same disc with clouds by all that the analysis tells."""
+    """The same disc with clouds by all that the forecast tells."""
     classes = weather_classes()
     return disc(dataclasses.replace(world, classes=classes, decision=AllEvidence()))
 

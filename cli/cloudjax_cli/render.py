@@ -44,7 +44,7 @@ _OF_SENSORS = (
 @click.option("--seed", type=int, help="Of the clouds.")
 @click.option(
     "--light",
-    help="physical or paper.  [default: paper for a scene, physical for a sensor]",
+    help="physical or paper; a file of --parameters says its own.  [default: physical]",
 )
 @click.option(
     "--quantity",

@@ -65,8 +65,8 @@ def _offsets(path: Path, content: mmap.mmap) -> Iterator[int]:
         if head[7:8] not in (b"", *_EDITIONS):
             raise DataError(_not_grib(path, start if number else 0))
         number += 1
-        length = message_length(content, start) if len(head) == _HEAD else _HEAD
-        if start + length > size:
+        length = _length(content, start)
+        if length is None or start + length > size:
             raise DataError(
                 f"{path} is truncated: it ends at byte {size}, within its message "
                 f"{number} that starts at byte {start}, download it again."
@@ -87,6 +87,14 @@ def _offsets(path: Path, content: mmap.mmap) -> Iterator[int]:
         yield start
     if not number or content[end:].strip(_PADDING):
         raise DataError(_not_grib(path, end))
+
+
+def _length(content: mmap.mmap, start: int) -> int | None:
+    """The bytes of a message; None where the file ends before that is told."""
+    try:
+        return message_length(content, start)
+    except BrokenMessageError:
+        return None
 
 
 def _is_heading(between: bytes) -> bool:

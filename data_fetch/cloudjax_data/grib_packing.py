@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .grib_sections import BrokenMessageError, sections
+from .grib_sections import BrokenMessageError, number_at, sections
 
 
 # A bitmap that stands in its section, and none, in edition 2.
@@ -42,7 +42,7 @@ def require_values(message: bytes, points: int) -> None:
 
 def _require_values_1(content: Mapping[int, bytes], points: int) -> None:
     bitmap, data = content.get(3), content[4]
-    if bitmap and not _number(bitmap, 4, 2):
+    if bitmap and not number_at(bitmap, 4, 2):
         points = _marked(bitmap[6:], points)
     if not data[3] & _NOT_SIMPLE:
         _require_bits(data[11:], points * data[10])
@@ -55,14 +55,14 @@ def _require_values_2(content: Mapping[int, bytes], points: int) -> None:
     if not points:
         # Some count one value where there is none.
         return
-    values, template = _number(packing, 5, 4), _number(packing, 9, 2)
+    values, template = number_at(packing, 5, 4), number_at(packing, 9, 2)
     if bitmap[5] in (_FOLLOWS, _NONE) and values != points:
         raise BrokenMessageError
     if template == _SIMPLE:
         _require_bits(data, values * packing[19])
     elif template == _IEEE:
         _require_bits(data, values * _IEEE_BITS.get(packing[11], 0))
-    elif template in (_COMPLEX, _DIFFERENCES) and _number(packing, 31, 4):
+    elif template in (_COMPLEX, _DIFFERENCES) and number_at(packing, 31, 4):
         _require_groups(packing, data, values, differences=template == _DIFFERENCES)
     elif template in (_JPEG, _PNG) and packing[19]:
         pixels = _pixels_of_jpeg if template == _JPEG else _pixels_of_png
@@ -72,13 +72,13 @@ def _require_values_2(content: Mapping[int, bytes], points: int) -> None:
 
 def _pixels_of_jpeg(data: bytes, _bits: int) -> int:
     """Pixels of an image of one colour, as JPEG 2000 begins with them."""
-    right, lower, left, upper = (_number(data, at, 4) for at in (8, 12, 16, 20))
-    return (right - left) * (lower - upper) if _number(data, 40, 2) == 1 else 0
+    right, lower, left, upper = (number_at(data, at, 4) for at in (8, 12, 16, 20))
+    return (right - left) * (lower - upper) if number_at(data, 40, 2) == 1 else 0
 
 
 def _pixels_of_png(data: bytes, bits: int) -> int:
     """Pixels of an image whose pixels have so many bits at least."""
-    width, height = (_number(data, at, 4) for at in (16, 20))
+    width, height = (number_at(data, at, 4) for at in (16, 20))
     return width * height if data[24] * _SAMPLES.get(data[25], 0) >= bits else 0
 
 
@@ -86,7 +86,7 @@ def _require_groups(
     packing: bytes, data: bytes, values: int, *, differences: bool
 ) -> None:
     """Check complex packing: groups of values, each of a width and a length."""
-    groups = _number(packing, 31, 4)
+    groups = number_at(packing, 31, 4)
     if groups > values:
         raise BrokenMessageError
     if differences:
@@ -100,10 +100,10 @@ def _require_groups(
     data = data[_bytes(groups * packing[19]) :]
     width = packing[35] + _integers(data, groups, packing[36])
     data = data[_bytes(groups * packing[36]) :]
-    length = _number(packing, 37, 4) + packing[41] * _integers(
+    length = number_at(packing, 37, 4) + packing[41] * _integers(
         data, groups, packing[46]
     )
-    length[-1] = _number(packing, 42, 4)
+    length[-1] = number_at(packing, 42, 4)
     if width.max() > _WIDEST or length.min() < 0 or length.sum() != values:
         raise BrokenMessageError
     data = data[_bytes(groups * packing[46]) :]
@@ -130,13 +130,6 @@ def _integers(data: bytes, count: int, bits: int) -> np.ndarray:
         raise BrokenMessageError
     each = np.unpackbits(held, count=count * bits).reshape(count, bits)
     return each.astype(np.int64) @ (1 << np.arange(bits, dtype=np.int64)[::-1])
-
-
-def _number(content: bytes, at: int, size: int) -> int:
-    """An unsigned integer; what the section is too short for is none."""
-    if at + size > len(content):
-        raise BrokenMessageError
-    return int.from_bytes(content[at : at + size])
 
 
 def _bytes(bits: int) -> int:

@@ -44,17 +44,22 @@ class BrokenMessageError(Exception):
 
 
 def message_length(content: Content, start: int) -> int:
-    """Return the bytes of a message by its own account."""
+    """Return the bytes of a message by its own account.
+
+    **Raises:** `BrokenMessageError` where the content ends before it says.
+    """
+    if start + _HEAD[2] > len(content):
+        raise BrokenMessageError
     if content[start + 7] == 2:
-        return _number(content, start + 8, 8)
-    length = _number(content, start + 4, 3)
+        return number_at(content, start + 8, 8)
+    length = number_at(content, start + 4, 3)
     if not length & _LONG:
         return length
     at = start + _HEAD[1]
     for number, (_, flag) in _SECTIONS_1.items():
         if number < 4 and _is_there(content, start, flag):
-            at += _number(content, at, 3)
-    excess = _number(content, at, 3)
+            at += number_at(content, at, 3)
+    excess = number_at(content, at, 3)
     if excess >= _UNIT:
         return length
     return (length - _LONG) * _UNIT - excess + len(_END)
@@ -71,11 +76,11 @@ def sections(content: Content, start: int, end: int) -> tuple[Section, ...]:
 
 
 def _sections_1(content: Content, start: int, end: int) -> Iterator[Section]:
-    at, in_units = start + _HEAD[1], _number(content, start + 4, 3) & _LONG
+    at, in_units = start + _HEAD[1], number_at(content, start + 4, 3) & _LONG
     for number, (shortest, flag) in _SECTIONS_1.items():
         if not _is_there(content, start, flag):
             continue
-        length = _number(content, at, 3)
+        length = number_at(content, at, 3)
         if number == 4 and in_units and length < _UNIT:
             length = end - at
         if length < shortest or at + length > end:
@@ -90,7 +95,7 @@ def _sections_1(content: Content, start: int, end: int) -> Iterator[Section]:
 def _sections_2(content: Content, start: int, end: int) -> Iterator[Section]:
     at, last = start + _HEAD[2], 0
     while at < end:
-        length, number = _number(content, at, 4), content[at + 4]
+        length, number = number_at(content, at, 4), content[at + 4]
         known = number in _NEXT_2[last] and length >= _SHORTEST_2[number]
         if not known or at + length > end:
             raise BrokenMessageError
@@ -104,5 +109,11 @@ def _is_there(content: Content, start: int, flag: int) -> bool:
     return not flag or bool(content[start + _HEAD[1] + 7] & flag)
 
 
-def _number(content: Content, at: int, size: int) -> int:
+def number_at(content: Content, at: int, size: int) -> int:
+    """Return the unsigned integer that stands at a byte.
+
+    **Raises:** `BrokenMessageError` where the content ends before it does.
+    """
+    if at + size > len(content):
+        raise BrokenMessageError
     return int.from_bytes(content[at : at + size])

@@ -30,7 +30,8 @@ def brightness(values):
     return cj.radiances(cj.put(scene, values), view).reflective.mean()
 
 
-# Everything that pictures depend on has a path, and a derivative.
+# What pictures depend on has a path and a derivative, but for masks, winds and maps:
+# these are read when the view is made.
 threshold = "low_cumulus.cloud.function.threshold"
 values = {threshold: jnp.asarray(-1.25), "ground.albedo": jnp.asarray(0.05)}
 for path, slope in jax.jit(jax.grad(brightness))(values).items():

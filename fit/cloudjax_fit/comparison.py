@@ -1,6 +1,5 @@
 """Radiances of one or more bands are compared, band by band."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -12,6 +11,7 @@ from .band_radiances import BandRadiances
 from .common_pixels import common_pixels
 from .cover_and_tops import CloudPair, clouds_of_both
 from .histogram import Distances, distances
+from .plain_data import plain
 from .texture import FEWEST_ROWS, TexturePair, texture
 
 
@@ -95,13 +95,10 @@ def compare(
 
 
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
-    """The numbers of a comparison as plain data; None stands for what is not finite."""
+    """Return its numbers as plain data; None stands for what is not finite."""
     bands = {
         str(band.number): {"units": band.units}
-        | {
-            key: number if math.isfinite(number) else None
-            for key, number in asdict(band.distances).items()
-        }
+        | plain(asdict(band.distances))
         | ({"texture": band.textures.numbers()} if band.textures else {})
         for band in comparison.bands
     }

@@ -35,12 +35,12 @@ class Condensate:
 
     @property
     def thickness_m(self) -> float:
-        """Of the median depth."""
+        """Give the thickness of cloud of the median depth."""
         return self.optical_depth[1] / self.physical_extinction_per_m
 
     @property
     def water_path_g_m2(self) -> float:
-        """Of the median depth."""
+        """Give the water path of the median depth."""
         return self.water_content_g_m3 * self.thickness_m
 
     @property

@@ -16,6 +16,7 @@ from cloudjax_scenes.daylight import is_day, sun_heights_deg
 from .air_column import AirColumn
 from .band_radiances import BandRadiances
 from .common_pixels import common_pixels
+from .plain_data import plain
 
 
 # Of the temperatures of tops that are told.
@@ -85,7 +86,7 @@ class CloudPair:
             **{
                 side.lower(): {
                     "pixels": seen.pixels,
-                    "cover": _plain(seen.cover),
+                    "cover": plain(seen.cover),
                     "top_k": _by_share(seen.top_k),
                     "top_m": _by_share(lambda s, seen=seen: self.top_m(seen, s)),
                 }
@@ -171,8 +172,4 @@ def _averaged(one: BandRadiances, other: BandRadiances):
 
 
 def _by_share(value: Callable[[float], float]) -> dict[str, float | None]:
-    return {f"{share:g}": _plain(value(share)) for share in SHARES}
-
-
-def _plain(number: float) -> float | None:
-    return number if np.isfinite(number) else None
+    return {f"{share:g}": plain(value(share)) for share in SHARES}

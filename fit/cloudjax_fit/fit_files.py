@@ -26,6 +26,7 @@ from .condensate import OBSERVED_WATER, Condensate
 from .fit_result import FitResult
 from .parameter_file import parameters_text
 from .parameters import Parameter
+from .plain_data import plain
 from .report import (
     BandReport,
     FitReport,
@@ -34,7 +35,7 @@ from .report import (
     format_number,
     write_fit_report,
 )
-from .result_numbers import distance_numbers, estimate_numbers, plain
+from .result_numbers import distance_numbers, estimate_numbers
 from .texture import FEWEST_ROWS, TexturePair, texture
 from .uncertainty import Estimate
 from .versions import versions

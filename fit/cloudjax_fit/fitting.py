@@ -1,4 +1,4 @@
-"""From a target to fitted parameters, their uncertainties and the simulated image."""
+"""A target becomes fitted parameters, their uncertainties and the simulated image."""
 
 from collections.abc import Callable, Mapping
 

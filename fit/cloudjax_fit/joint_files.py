@@ -16,7 +16,8 @@ from .fit_files import IMAGE, PARAMETERS
 from .fit_result import CONVERGED, NOT_CONVERGED
 from .joint_fitting import JointFit, TestedScene
 from .parameter_file import parameters_text
-from .result_numbers import distance_numbers, estimate_numbers, plain
+from .plain_data import plain
+from .result_numbers import distance_numbers, estimate_numbers
 from .versions import versions
 
 

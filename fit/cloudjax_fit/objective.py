@@ -208,7 +208,7 @@ def structure_of(problem: AbstractProblem) -> Hashable:
 def residuals(
     z: Float[Array, " parameters"], problem: AbstractProblem
 ) -> Float[Array, " residuals"]:
-    """Of all that is compared, and of the priors."""
+    """Return the residuals of all that is compared, and of the priors."""
     return residuals_and_sums(z, problem)[0]
 
 

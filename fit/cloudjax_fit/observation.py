@@ -1,4 +1,4 @@
-"""From the radiances of a scene to the target of a fit."""
+"""The radiances of a scene become the target of a fit."""
 
 from collections.abc import Iterable, Mapping
 

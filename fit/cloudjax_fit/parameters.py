@@ -173,6 +173,7 @@ def put_all(
 def values_of(
     parameters: Sequence[Parameter], z: Float[Array, " parameters"]
 ) -> Float[Array, " parameters"]:
+    """Return the values, in their own units, of a solver's numbers."""
     return Parameters.of(parameters).values(z)
 
 

@@ -74,7 +74,7 @@ OnProgress = Callable[[Progress], None]
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where a solver stopped.
+    """A `Solution` is where a solver stopped.
 
     **Fields:**
 
@@ -98,6 +98,7 @@ class Solution:
 
     @property
     def loss(self) -> float:
+        """Give half the sum of squared residuals in the end."""
         return self.history[-1]
 
 

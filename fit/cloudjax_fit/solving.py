@@ -1,4 +1,4 @@
-"""From a problem to its solution, from several starts, and how sure that is."""
+"""A problem is solved from several starts, and how sure the solution is follows."""
 
 import functools as ft
 from collections.abc import Callable, Iterator, Sequence

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Num
 
 from .functionals import LAGS
+from .plain_data import plain
 
 
 SHORTEST_WAVELENGTH = 2.0
@@ -103,8 +104,7 @@ class TexturePair:
             "increment_ratio": self.increment_ratio,
         }
         return {
-            name: [float(n) if np.isfinite(n) else None for n in numbers]
-            for name, numbers in found.items()
+            name: plain([float(n) for n in numbers]) for name, numbers in found.items()
         }
 
 

@@ -44,6 +44,7 @@ class BandImage:
 
     @property
     def display(self) -> Display:
+        """Give how the band is shown."""
         if self.band.reflective:
             return display.REFLECTANCE
         return display.BRIGHTNESS_TEMPERATURE

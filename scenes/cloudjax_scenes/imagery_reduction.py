@@ -1,4 +1,4 @@
-"""From the radiances of a scene to its clouds by class, and the ground below them."""
+"""The radiances of a scene become its clouds by class, and the ground below them."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

@@ -24,7 +24,7 @@ class CloudColumns(Protocol):
 
     @property
     def grid(self) -> ColumnGrid:
-        """Where the columns are."""
+        """Say where the columns are."""
         ...
 
     @property

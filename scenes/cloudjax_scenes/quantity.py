@@ -21,6 +21,7 @@ class Quantity:
 
     @property
     def words(self) -> str:
+        """Give the name as a reader sees it."""
         return self.name.replace("-", " ")
 
     @property

@@ -29,7 +29,7 @@ class Part:
     - `name`: of the part; `why`: it is used or not, in words.
     - `used`: whether anything of it is computed.
     - `without`: the scene that lacks it; None where it is not used, or where no scene
-      lacks it.
+      is compared.
     - `seen`: makes the view of that scene from that of the whole.
     - `counted`: whether its work is among the operations of radiances; that of winds is
       done where rays are laid.
@@ -50,7 +50,7 @@ class Cost:
     **Fields:**
 
     - `seconds`: for all pixels of the image, once compiled; None of a part that is not
-      used, that no scene lacks, or that was neither timed nor counted.
+      used, for which no scene is compared, or that was neither timed nor counted.
     - `timed`: whether they were measured; else operations stand for them.
     """
 
@@ -151,7 +151,7 @@ def _layers(scene: Scene, view: View) -> Iterator[Part]:
         others = tuple(one for one in scene.layers if one is not layer)
         name = f"layer {layer.name}"
         if share == 0:
-            yield Part(name, "nowhere in view", False)
+            yield Part(name, "nowhere in view: laid and sampled, not marched", True)
             continue
         why = f"likely on {share:.0%} of the pixels, and marched in their tiles"
         if not others:

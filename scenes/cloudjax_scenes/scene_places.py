@@ -1,4 +1,4 @@
-"""Where the pixels of an image are, and how it is said."""
+"""The pixels of an image have places, which are said in words."""
 
 import numpy as np
 from jaxtyping import Float

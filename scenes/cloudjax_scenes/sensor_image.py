@@ -70,9 +70,11 @@ class SensorImage:
 
     @property
     def title(self) -> str:
+        """Name the sensor and the time."""
         return f"{self.sensor.name} {self.time:%Y-%m-%d %H:%M} UTC, simulated"
 
     def bands(self) -> list[BandImage]:
+        """Return the radiances of all bands."""
         return [self.band(number) for number in self.radiance]
 
     def band(self, number: int) -> BandImage:

@@ -33,7 +33,7 @@ class SimulatedImage:
 
     @property
     def optical_depth(self) -> Float[np.ndarray, "y x"]:
-        """Of all clouds."""
+        """Give the optical depth of all clouds."""
         return self.depths.sum(0)
 
     @property

@@ -37,7 +37,7 @@ Axes = tuple[Float[np.ndarray, " lat"], Float[np.ndarray, " lon"]]
 # Where a class does not say its layer: its middle is below 642 or 350 hPa of the
 # standard atmosphere.
 _LOW_BELOW_M, _MIDDLE_BELOW_M = 3.6e3, 8.1e3
-# A class that would cover less is left out there, and costs nothing.
+# A class that would cover less is left out there, and is not marched.
 _LEAST_COVER = 1e-3
 
 

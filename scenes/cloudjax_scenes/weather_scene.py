@@ -58,9 +58,10 @@ from .weather_decision import (
 from .winds import AirMotion, Winds
 
 
-# Errors are alike where steps grow with the root of a shell's depth; shells of so
-# much air have all that are asked (docs/accuracy/speed.md). Others have one of few
-# parts, for layers of one number are compiled faster, and no less than so many.
+# Steps grow with the root of a shell's depth, a rule of thumb: what marches by it err
+# by is in docs/accuracy/speed.md. Shells of so much air have all that are asked. Others
+# have one of few parts, for layers of one number are compiled faster, and no less than
+# so many.
 _DEEP_M, _PARTS, _FEWEST_STEPS = 12e3, (1 / 3, 1 / 2, 1.0), 6
 # Levels of the temperature field, linear in between.
 _LEVELS_M = np.arange(0.0, 16e3, 500.0)
@@ -218,7 +219,7 @@ class World:
 
     @ft.cached_property
     def fractions(self) -> tuple[Fractions, ...]:
-        """Of each analysis the cloud fraction of each class, NaN under ground."""
+        """Give the cloud fraction of each class in each analysis, NaN under ground."""
         return tuple(
             self.decision.fractions(cube, self.classes, omega_sign=self.omega_sign)
             for cube in self.series.cubes

@@ -1,4 +1,4 @@
-"""Where the air of a time has come from, for stills and for films.
+"""The air of a time has come from elsewhere, in stills and in films.
 
 Clouds stand where an analysis has them once its air has come there, and are drawn from
 noise that the wind has carried. In a film noise that is carried on and on would end as

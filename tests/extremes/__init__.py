@@ -5,12 +5,13 @@ with what it measured. The tests run them all; `python -m tools.make_extremes` w
 the table.
 """
 
-# isort: off: as the table has them.
+# In the order of the table.
+# isort: off
 from . import clouds as clouds
-from . import numbers as numbers
-from . import pixels as pixels
-from . import shells as shells
-from . import values as values
 from . import views as views
 from . import winds as winds
+from . import shells as shells
+from . import pixels as pixels
+from . import values as values
+from . import numbers as numbers
 from .rows import ROWS as ROWS

@@ -1,5 +1,7 @@
 """No cloud, all cloud, clouds of any depth."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -8,6 +10,7 @@ from cloudjax import StandardAtmosphere
 from .looks import (
     CLEAR,
     CLOUDY,
+    SIMPLE,
     SUNLIT,
     THERMAL,
     black,
@@ -44,13 +47,25 @@ def huge_depth() -> str:
     )
 
 
-@row("Clouds", "Threshold of no width, pixels of no width")
+def _partly(pixel_rad: float, smoothing: float) -> float:
+    """The share of pixels that are partly cloudy, of clear and cloudy ones."""
+    # A quarter of the usual steps' length, for a step that is cut is partly cloudy.
+    kind = replace(SIMPLE, steps=24)
+    rays = near(pixel_rad=pixel_rad)
+    cover = seen_by(rays, kind=kind, smoothing=smoothing, mask=-0.5).cover
+    assert cover.min() < 0.02
+    assert cover.max() > 0.98
+    return ((cover > 0.02) & (cover < 0.98)).mean()
+
+
+@row("Clouds", "Threshold of no width, pixels of no width", slow=True)
 def no_width() -> str:
-    seen = seen_by(near(pixel_rad=1e-12), smoothing=0.0, mask=0.5)
-    between = ((seen.cover > 0.02) & (seen.cover < 0.98)).mean()
+    hard, soft = _partly(1e-12, 0.0), _partly(5.6e-5, 0.5)
+    # Measured: 0.08.
+    assert hard < 0.15
     return (
-        f"A hard level set, but for steps that it cuts: {between:.0%} of the "
-        "pixels are partly cloudy. Derivatives are finite."
+        f"A hard level set, but for steps that it cuts: {hard:.0%} of the pixels are "
+        f"partly cloudy, {soft:.0%} of soft ones of 2 km. Derivatives are finite."
     )
 
 

@@ -1,6 +1,6 @@
 """A simple scene, what is seen of it, and what must hold of whatever is seen."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import jax.numpy as jnp
 import numpy as np
@@ -45,7 +45,7 @@ def near(latitude=20.0, longitude=10.0, pixel_rad=5.6e-5, spread=1.0) -> Rays:
 def seen_by(
     rays: Rays | None = None,
     zenith: float | np.ndarray = 40.0,
-    mask: float = 0.0,
+    mask: float | Callable = 0.0,
     kind: Kind = SIMPLE,
     displacements=None,
     at: Mapping[str, float] | None = None,
@@ -53,13 +53,16 @@ def seen_by(
 ) -> Seen:
     """Look, and require that all is finite, derivatives of both modes too.
 
-    **Arguments:** `zenith`: of the sun, or where it is; `at`, `values`: of parameters.
+    **Arguments:** `zenith`: of the sun, or where it is; `mask`: everywhere, or by
+    latitude and longitude; `at`, `values`: of parameters.
     """
     direction = zenith if isinstance(zenith, np.ndarray) else sun(zenith)
     rays = near() if rays is None else rays
-    view = view_of(
-        kind, rays, direction, lambda φ, λ: 0 * φ + mask, displacements=displacements
-    )
+
+    def by_place(φ, λ):
+        return mask(φ, λ) if callable(mask) else 0 * φ + mask
+
+    view = view_of(kind, rays, direction, by_place, displacements=displacements)
     vector = kind.vector(**(DECK | dict(at or {}) | values))
     found = seen_from(kind, np.tile(vector, (len(rays), 1)), view)
     for name, part in zip(found._fields, found, strict=True):

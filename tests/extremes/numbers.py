@@ -27,10 +27,14 @@ def precision() -> str:
 
 @row("Numbers", "1 and 5 sub-pixel nodes", slow=True)
 def nodes() -> str:
-    covers = [
-        seen_by(kind=replace(SIMPLE, nodes=n), mask=0.5).cover.mean() for n in (1, 3, 5)
-    ]
-    assert max(covers) - min(covers) < 0.1
+    one, three, five = (
+        seen_by(kind=replace(SIMPLE, nodes=n), mask=-1.5).cover.mean()
+        for n in (1, 3, 5)
+    )
+    # Measured: 0.147 and 0.004. One node takes a pixel's clouds for alike.
+    assert abs(one - five) < 0.3
+    assert abs(three - five) < 0.01
     return (
-        f"Mean cover is {covers[0]:.3f} and {covers[2]:.3f} ({covers[1]:.3f} of three)."
+        f"Mean cover of pixels at edges of cloud is {one:.3f} and {five:.3f} "
+        f"({three:.3f} of three)."
     )

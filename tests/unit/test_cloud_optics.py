@@ -24,7 +24,9 @@ from cloudjax import (
     radiances,
 )
 from cloudjax.light.optics import radius_limits_um
-from tests.helpers import geostationary_rays, sun
+from tests.helpers import fractal_cloud, geostationary_rays, reflective_bands, sun
+from tests.helpers import layer as given_layer
+from tests.helpers import make_scene as scene_of
 
 
 # 3.9 µm by day is in both parts of the scene.
@@ -127,7 +129,16 @@ def test_the_infrared_follows_the_radius_unless_the_class_has_its_own_ratio(shar
 
 
 def test_given_numbers_without_a_thermal_part_are_refused_where_it_is_asked():
-    one = jnp.ones(1)
-    optics = GivenOptics(jnp.asarray(0.5), 0 * one, one)
+    optics = GivenOptics(jnp.zeros(1))
     with pytest.raises(ValueError, match="in the thermal bands: give both"):
         _ = optics.emitters
+    with pytest.raises(ValueError, match="in the thermal bands: give infrared_ratio"):
+        _ = optics.absorption
+
+
+def test_a_layer_of_sunlight_alone_needs_no_thermal_numbers():
+    full = given_layer(fractal_cloud(), emissive=0)
+    short = replace(full, optics=GivenOptics(jnp.full(1, 0.01)))
+    scenes = [scene_of([one], reflective_bands(1)) for one in (full, short)]
+    seen = [radiances(scene, _view(scene)).reflective for scene in scenes]
+    np.testing.assert_array_equal(*seen)

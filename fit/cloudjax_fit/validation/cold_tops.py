@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from cloudjax_fit.band_radiances import BandRadiances
 from cloudjax_fit.histogram import sample_of
+from cloudjax_fit.plain_data import plain
 
 
 Pixels = Float[np.ndarray, " pixels"]
@@ -49,10 +50,7 @@ class ColdTops:
 
     def numbers(self) -> dict[str, Any]:
         """Return all of it as plain data; None stands for what is not known."""
-        return {
-            name: value if math.isfinite(value) else None
-            for name, value in asdict(self).items()
-        }
+        return plain(asdict(self))
 
 
 def window_band(bands: Mapping[int, BandRadiances]) -> int | None:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from cloudjax.geometry.geodesy import MEAN_RADIUS_M
+from cloudjax_fit.plain_data import plain
 from cloudjax_scenes.weather_evidence import layers_by_pressure
 
 
@@ -89,10 +90,7 @@ class Covers:
                 | {"covers": _plain(b.covers)}
                 for b in self.by_latitude
             ],
-            "correlation": {
-                kind: r if np.isfinite(r) else None
-                for kind, r in self.correlation.items()
-            },
+            "correlation": plain(self.correlation),
             "boxes": self.boxes,
             "analysis_if_independent": self.independent,
             "image_without_top": self.topless,

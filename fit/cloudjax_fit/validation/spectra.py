@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Num
 
 from cloudjax.geometry.geodesy import ecef
+from cloudjax_fit.plain_data import plain
 
 
 # Observed fields of cloud have spectra between these (Cahalan & Snider 1989, Remote
@@ -57,7 +58,7 @@ class RowSpectrum:
     def numbers(self) -> dict[str, Any]:
         """Return all of it as plain data; None stands for what is not known."""
         return {
-            "slope": self.slope if math.isfinite(self.slope) else None,
+            "slope": plain(self.slope),
             "fitted_km": list(self.fitted_km),
             "rows": self.rows,
             "columns": self.columns,

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from cloudjax_fit.plain_data import plain
+
 from .cold_tops import COLD_K, ColdTops
 from .cover import KINDS, Covers
 from .spectra import SHALLOW, STEEP, RowSpectrum
@@ -52,7 +54,7 @@ class Target:
         return {
             "what": self.what,
             "wanted": self.wanted,
-            "value": None if math.isnan(self.value) else self.value,
+            "value": plain(self.value),
             "met": self.met,
         }
 

@@ -1,4 +1,4 @@
-"""Sources of cloud: their contract, fractal and gridded ones, and classes of cloud.
+"""Sources of cloud live here: their contract, fractal and gridded ones, and classes.
 
 A class of cloud is data, in TOML.
 """

@@ -1,4 +1,4 @@
-"""Files of classes of cloud: built-in ones, a user's, and those that a fit wrote."""
+"""Files of classes of cloud are read: built-in ones, a user's, those of a fit."""
 
 import importlib.resources
 import os

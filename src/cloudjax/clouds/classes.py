@@ -44,7 +44,7 @@ _USUAL_THICKNESS_M = 1500.0
 
 @dataclass(frozen=True)
 class ClassTexture:
-    """One texture of a class of cloud.
+    """A `ClassTexture` is one texture of a class of cloud.
 
     **Fields:**
 
@@ -77,13 +77,13 @@ class ClassTexture:
 
     @property
     def gain_of_rungs(self) -> tuple[float, ...]:
-        """Of each rung, the longest first."""
+        """Give the gain of each rung, the longest first."""
         return self.gains or (1.0,) * len(self.ladder.octaves)
 
 
 @dataclass(frozen=True)
 class ImageryRule:
-    """Which cloud pixels of imagery belong to a class.
+    """An `ImageryRule` says which cloud pixels of imagery belong to a class.
 
     Temperatures are compared with those of the US Standard Atmosphere 1976. An image
     without a window band does not tell them: all its cloud is that of the classes that
@@ -110,7 +110,7 @@ class ImageryRule:
 
 @dataclass(frozen=True)
 class CloudClass:
-    """A class of cloud.
+    """A `CloudClass` says what clouds of one kind are like, and where they stand.
 
     **Fields:**
 
@@ -180,7 +180,7 @@ class CloudClass:
 
     @property
     def marched(self) -> Shell:
-        """The part of the shell where the barriers leave cloud a chance.
+        """Give the part of the shell where the barriers leave cloud a chance.
 
         Steps are spent there only. Beyond, they exceed the greatest CF that there is:
         a mask of certain cloud with every texture at three standard deviations.
@@ -195,12 +195,12 @@ class CloudClass:
 
     @property
     def optics(self) -> Particles:
-        """The particles."""
+        """Give the particles."""
         return Particles(self.particles, self.effective_radius_um)
 
     @property
     def absorption_ratio(self) -> float:
-        """Effective absorption at 10.35 µm over extinction at 0.64 µm."""
+        """Give effective absorption at 10.35 µm over extinction at 0.64 µm."""
         if self.infrared_ratio is not None:
             return self.infrared_ratio
         return float(self.optics.infrared_ratio)

@@ -1,7 +1,6 @@
-"""The cloud function.
+"""The cloud function is eq. (1) of Schinder et al. 2024, with standardised textures.
 
-Schinder et al. 2024, eq. (1), with standardised textures (their offsets b_i fold into
-the threshold T):
+Their offsets b_i fold into the threshold T:
 
     CF(x) = Σ_o a_o N_o(x') + g w(x) - a exp(-(z - z_b)/h) - a exp((z - z_t)/h) - T
 
@@ -24,7 +23,7 @@ _MAX_EFOLDS = 30.0
 
 
 class CloudFunction(eqx.Module):
-    """The parameters of eq. (1).
+    """A `CloudFunction` holds the parameters of eq. (1).
 
     **Fields:**
 
@@ -76,7 +75,7 @@ class CloudFunction(eqx.Module):
 
     @property
     def margin(self) -> Float[Array, ""]:
-        """What textures and mask must exceed in the middle of the layer.
+        """Give what textures and mask must exceed in the middle of the layer.
 
         T and the least of both barriers together.
         """
@@ -102,7 +101,7 @@ class CloudFunction(eqx.Module):
     def likelihood(
         self, mask: Float[Array, " rays"], ladders: tuple[Ladder, ...]
     ) -> Float[Array, " rays"]:
-        """Of cloud in the middle of the layer under a mask, for normal noise."""
+        """Estimate how likely cloud is in the middle of the layer, for normal noise."""
         spread = jnp.sqrt(self.variance(ladders))
         return ndtr((self.mask_gain * mask - self.margin) / spread)
 

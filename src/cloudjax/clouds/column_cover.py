@@ -1,4 +1,4 @@
-"""How much of the sky a class of cloud covers under a mask, and which mask covers it.
+"""The cover of a class of cloud under a mask is found, and the mask of a cover.
 
 Seen from above a column is cloudy where the way through its cloud is thick enough. The
 noise in a column is Gaussian, with a covariance that the ladders give; barriers,

@@ -1,4 +1,4 @@
-"""The way of a ray through the columns of a model: which columns, and how high."""
+"""A ray's way through a model's columns is told: which columns, and how high."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ LEAST_RISE_M = 20.0
 
 
 class ColumnPath(eqx.Module):
-    """A ray's way through columns.
+    """A `ColumnPath` is a ray's way through columns.
 
     **Fields:**
 
@@ -59,7 +59,8 @@ class ColumnPath(eqx.Module):
 
 
 class ColumnSamples(eqx.Module):
-    """Where among the columns the steps of rays are; what is there are parameters.
+    """`ColumnSamples` say where among the columns the steps of rays are; what is there
+    are parameters.
 
     **Fields:**
 

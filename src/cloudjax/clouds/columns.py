@@ -1,4 +1,4 @@
-"""Clouds on the columns of a weather model: on its map, over terrain, on uneven levels.
+"""Clouds stand on a weather model's columns: on its map, over terrain, on its levels.
 
 Heights are told as a part of each column, from the lower end of its lowest level with
 cloud to the upper end of its highest, so that what follows the ground still does so

@@ -1,4 +1,4 @@
-"""Columns of a model with detail below them: fractal, and with the same mean.
+"""Columns of a model get detail below them: fractal, and with the same mean.
 
 A model's cell knows one content. Within it the content of real cloud varies, and nearly
 as a lognormal; so it is multiplied by
@@ -67,14 +67,14 @@ def width_for_detail_m(grid: ColumnGrid, shortest_m: float) -> float:
 
 
 class DetailedPath(eqx.Module):
-    """A ray's way through columns, and through the noise."""
+    """A `DetailedPath` is a ray's way through columns, and through the noise."""
 
     columns: ColumnPath
     noise: FractalPath
 
     @property
     def path(self) -> Path:
-        """The geometry."""
+        """Give the geometry."""
         return self.columns.path
 
 
@@ -86,12 +86,12 @@ class DetailedSamples(eqx.Module):
 
     @property
     def path(self) -> Path:
-        """The geometry."""
+        """Give the geometry."""
         return self.columns.path
 
     @property
     def index(self) -> Float[Array, "rays 2 steps"]:
-        """Row and column in the middle of each step."""
+        """Give row and column in the middle of each step."""
         return self.columns.index
 
     def on(self, path: Path, at: Float[Array, "rays points"]) -> "DetailedSamples":
@@ -155,7 +155,7 @@ class DetailedColumns(AbstractCloudSource):
 
     @property
     def extinction_per_m(self) -> float:
-        """Of the layer, which an occupancy of 1 has."""
+        """Give the extinction of the layer, which an occupancy of 1 has."""
         return self.columns.extinction_per_m
 
     def drawn_anew(self, number: int) -> "DetailedColumns":

@@ -1,4 +1,4 @@
-"""The way of a ray through a fractal shell: where in the noise and masks it runs."""
+"""A ray's way through a fractal shell says where in the noise and masks it runs."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ from .ladder import EVERY_STEP
 
 
 class FractalPath(eqx.Module):
-    """A ray's way through a fractal shell.
+    """A `FractalPath` is a ray's way through a fractal shell.
 
     Masks and winds are found at the knots, equally far apart from the entry to the
     exit, and are linear in between.
@@ -52,7 +52,7 @@ class FractalPath(eqx.Module):
         frames: Float[Array, "some 3 3"],
         at: Float[np.ndarray, " points"],
     ) -> Float[Array, "3 some rays points"]:
-        """In the noise of some rungs, in periods, at parts of the chord from 0 to 1."""
+        """Return places in the noise of some rungs [periods], at parts of the chord."""
         places = np.cumsum([count > 0 for count in self.points]) - 1
         entry = jnp.moveaxis(self.entry[:, places[np.array(rungs)]], -1, 0)
         change = jnp.moveaxis(self.change_m, (3, 2), (0, 1))

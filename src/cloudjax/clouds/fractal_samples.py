@@ -1,4 +1,4 @@
-"""What fractal clouds sampled along rays: rungs, and what pixels took from them."""
+"""Fractal clouds keep what they sampled: rungs, and what pixels took from them."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def in_steps(
 
 
 class FractalSamples(eqx.Module):
-    """All that eq. (1) needs along the rays and that no fitted parameter moves.
+    """`FractalSamples` hold all that eq. (1) needs and that no fitted parameter moves.
 
     CF is linear in these, so a fit samples once and works on them. What changes within
     many steps only is held at few points.
@@ -100,7 +100,7 @@ class FractalSamples(eqx.Module):
         return replace(found, gradients=self.gradients, up=up)
 
     def fractal(self, amplitudes, steps: int) -> Float[Array, "rays {steps}"]:
-        """Σ a_o N_o in the middle of equal steps."""
+        """Return Σ a_o N_o in the middle of equal steps."""
         marched = steps if self.at is None else self.steps
         total = jnp.zeros((*self.path.length_m.shape, marched))
         for reading in self.values:
@@ -108,7 +108,7 @@ class FractalSamples(eqx.Module):
         return total if self.at is None else Profile(total).at(self.at)
 
     def gradient(self, amplitudes) -> Float[Array, "3 rays points"]:
-        """Σ a_o ∇N_o, per metre."""
+        """Return Σ a_o ∇N_o, per metre."""
         assert self.up is not None
         points = self.up.shape[-1] if self.at is None else self.steps
         total = jnp.zeros((*self.up.shape[:2], points))

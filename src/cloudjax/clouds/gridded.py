@@ -1,4 +1,4 @@
-"""Clouds on a regular grid: fields of test cases, of large-eddy simulations."""
+"""Clouds stand on a regular grid: fields of test cases, of large-eddy simulations."""
 
 import equinox as eqx
 import jax
@@ -17,7 +17,7 @@ from .source import AbstractCloudSource, Occupancy, Slopes
 
 
 class GriddedPath(eqx.Module):
-    """A ray's way through a grid, level coordinates in cells.
+    """A `GriddedPath` is a ray's way through a grid, level coordinates in cells.
 
     **Fields:**
 
@@ -32,7 +32,7 @@ class GriddedPath(eqx.Module):
 
 
 class GriddedSamples(eqx.Module):
-    """Where in the grid the rays run; the values there are parameters.
+    """`GriddedSamples` say where in the grid rays run; the values there are parameters.
 
     **Fields:**
 
@@ -52,7 +52,7 @@ class GriddedSamples(eqx.Module):
 
 
 class GriddedCloud(AbstractCloudSource):
-    """Cloud on a regular grid over the plane that touches the Earth in one place.
+    """A `GriddedCloud` is cloud on a regular grid over a plane that touches the Earth.
 
     Values are those of the cells' centres, linear in between, and nought beyond the
     grid if it is not periodic. What a pixel does not resolve is not known: pixels

@@ -1,4 +1,4 @@
-"""Clouds of Gaussian kernels, each exact along a ray: for some hundred particles.
+"""Clouds of Gaussian kernels are exact along each ray: for some hundred particles.
 
 Every ray meets every kernel, so that many are rather deposited on columns
 (`cloudjax.particles.deposit`).
@@ -29,7 +29,7 @@ _AT_ONCE = 16
 
 
 class KernelPath(eqx.Module):
-    """A ray's way among kernels, straight in their frame.
+    """A `KernelPath` is a ray's way among kernels, straight in their frame.
 
     **Fields:**
 
@@ -44,7 +44,8 @@ class KernelPath(eqx.Module):
 
 
 class KernelSamples(eqx.Module):
-    """The same, and whether normals will be asked; what is there are parameters."""
+    """`KernelSamples` hold the same, and whether normals will be asked; what is there
+    are parameters."""
 
     path: Path
     entry_m: Float[Array, "rays 3"]

@@ -1,4 +1,4 @@
-"""Ladders: the same noise at many scales, each rung attenuated by the pixel.
+"""Ladders are the same noise at many scales, each rung attenuated by the pixel.
 
 "Each successive grid is scaled by 1/2, the values by the persistence" (Schinder et al.
 2024, section 2.1). A rung is read at its own scale, turned and shifted on its own. What
@@ -36,7 +36,7 @@ _BETWEEN_DRAWS = 1_000_000
 
 @dataclass(frozen=True)
 class Ladder:
-    """Noise from long waves to short ones.
+    """A `Ladder` is noise from long waves to short ones.
 
     **Fields:**
 
@@ -57,12 +57,12 @@ class Ladder:
 
     @property
     def wavelengths_m(self) -> tuple[float, ...]:
-        """Of the rungs, the longest first."""
+        """Give the wavelengths of the rungs, the longest first."""
         return tuple(self.longest_m / 2**octave for octave in self.octaves)
 
     @property
     def octaves(self) -> range:
-        """By how many octaves each rung is shorter than the longest."""
+        """Say by how many octaves each rung is shorter than the longest."""
         last = math.floor(math.log2(self.longest_m / self.shortest_m) + 1e-9)
         return range(0, last + 1, self.noise.octaves_per_rung)
 
@@ -91,14 +91,14 @@ class Rung:
 
     @property
     def period_m(self) -> float:
-        """Of the noise."""
+        """Give the period of the noise."""
         return WAVES * self.wavelength_m
 
     @property
     def spectrum(
         self,
     ) -> tuple[Float[np.ndarray, " nodes"], Float[np.ndarray, " nodes"]]:
-        """Radians per metre, and the variance that each stands for."""
+        """Give radians per metre, and the variance that each stands for."""
         band = bands(self.noise)[self.band]
         return band.wavenumbers / self.period_m, band.powers
 
@@ -109,7 +109,7 @@ class Rung:
 
     @property
     def mean_wave_m(self) -> float:
-        """By the mean of its wavenumbers."""
+        """Give the wavelength of the mean of its wavenumbers."""
         k, powers = self.spectrum
         return 2 * np.pi / float(np.average(k, weights=powers))
 

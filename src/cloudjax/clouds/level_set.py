@@ -18,7 +18,7 @@ _LEAST_CHANGE = 0.4
 
 
 class Latent(eqx.Module):
-    """What a pixel does not resolve: one standard Gaussian per ray, by quadrature.
+    """A `Latent` is what a pixel does not resolve: a standard Gaussian, by quadrature.
 
     Averaging the noise over the footprint removes variance from CF. The part that all
     points of a ray within the cloud have in common enters as a Gaussian latent,
@@ -33,6 +33,7 @@ class Latent(eqx.Module):
 
     @staticmethod
     def gauss_hermite(count: int = 5) -> "Latent":
+        """Make so many nodes of Gauss and Hermite."""
         nodes, weights = np.polynomial.hermite_e.hermegauss(count)
         return Latent(
             jnp.asarray(nodes, float), jnp.asarray(weights / weights.sum(), float)

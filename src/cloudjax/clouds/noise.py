@@ -1,4 +1,4 @@
-"""Periodic noise of about one wavelength, read again and again at all scales.
+"""Periodic noise of about one wavelength is read again and again at all scales.
 
 Noise is data, not a parameter: it is passed to compiled functions as an argument and no
 gradient flows into its voxels. Positions and gradients have their components on the
@@ -28,7 +28,7 @@ _SEED = 2024
 
 
 class NoiseBands(eqx.Module):
-    """Parts of the spectra of some kinds of noise: fields on the periodic unit cube.
+    """`NoiseBands` are parts of the spectra of some kinds of noise, on the unit cube.
 
     **Fields:**
 
@@ -167,7 +167,7 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class Perlin:
-    """Perlin's gradient noise on a lattice of one wavelength (Perlin 1985)."""
+    """`Perlin` is gradient noise on a lattice of one wavelength (Perlin 1985)."""
 
     octaves_per_rung = 1
     cuts = ()
@@ -191,7 +191,8 @@ class Perlin:
 
 @dataclass(frozen=True)
 class InvertedWorley:
-    """Minus the distance to the nearest of one random point per cell (Worley 1996).
+    """`InvertedWorley` is minus the distance to the nearest of random points, one in
+    each cell (Worley 1996).
 
     Cells are a wavelength wide. Their creases have waves of all lengths, so that the
     spectrum is cut in two, and the next rung is two octaves away.
@@ -219,7 +220,7 @@ Noise = Gaussian | Perlin | InvertedWorley
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A part of the spectrum of one kind of noise: see `NoiseBands`."""
+    """A `Band` is a part of the spectrum of one kind of noise: see `NoiseBands`."""
 
     voxels: Float[np.ndarray, "n n n"]
     wavenumbers: Float[np.ndarray, " nodes"]
@@ -227,7 +228,7 @@ class Band:
 
     @property
     def corners(self) -> Float[np.ndarray, "cells 8"]:
-        """Of each node the eight of the cell that begins there."""
+        """Give of each node the eight of the cell that begins there."""
         moved = [
             np.roll(self.voxels, [-i for i in corner], (0, 1, 2)).reshape(-1)
             for corner in np.ndindex(2, 2, 2)

@@ -33,7 +33,7 @@ class NoiseOfRungs(eqx.Module):
 
 
 class RungReader(eqx.Module):
-    """Reads rungs along ways, averaged over pixels.
+    """A `RungReader` reads rungs along ways, averaged over pixels.
 
     **Fields:** `amplitude`: that pixels leave of each rung; `ladder_of`: each rung.
     """

@@ -1,8 +1,7 @@
-"""The contract between a source of cloud and the march.
+"""A source of cloud answers four questions of the march, in this order.
 
-A source answers four questions, in this order:
-
-1. `shell`, `likelihood`: where can its clouds be?
+1. `shell`, `likelihood`: where can its clouds be? A likelihood is that of the present
+   parameters.
 2. `navigate` (host, float64) and `sample` (device): what does it need to know along the
    rays? Both depend on where the rays run and on no parameter of the clouds.
 3. `narrowed`, `occupancy`: where on the ways can there be cloud now, and how much of
@@ -28,7 +27,7 @@ from cloudjax.geometry.shells import Chords, Shell
 
 
 class Occupancy(eqx.Module):
-    """How much of each step of each ray is cloud.
+    """An `Occupancy` says how much of each step of each ray is cloud.
 
     **Fields:**
 
@@ -44,7 +43,7 @@ class Occupancy(eqx.Module):
 
 
 class Slopes(eqx.Module):
-    """How the cloud function rises into the cloud, at points in equal parts of rays.
+    """`Slopes` tell how the cloud function rises into the cloud, at points of rays.
 
     What changes within few steps, and only with altitude, is told apart.
 
@@ -63,7 +62,7 @@ class Slopes(eqx.Module):
 
 
 class AbstractCloudSource(eqx.Module):
-    """A source of extinction along rays: fractal clouds, particles, gridded water.
+    """A source has extinction along rays: fractal clouds, particles, gridded water.
 
     Everything that `navigate`, `sample` and `branch` return is a pytree whose leaves
     have the rays as their first axis.

@@ -1,4 +1,4 @@
-"""From which optical depth on an imager calls a column cloudy."""
+"""An imager calls a column cloudy from some optical depth on."""
 
 from typing import TypeVar
 

@@ -1,4 +1,4 @@
-"""Pictures put together from tiles."""
+"""Pictures are put together from tiles."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,7 +17,7 @@ class Canvas:
     tree: Any = None
 
     def paint(self, index: Int[np.ndarray, " rays"], seen) -> None:
-        """The first rays of `seen`, of which there may be more than numbers."""
+        """Put the first rays of `seen` at places; what has no place is left out."""
         parts, self.tree = jax.tree.flatten(seen)
         if not self.leaves:
             shapes = [(*part.shape[:-1], self.rays) for part in parts]
@@ -30,4 +30,5 @@ class Canvas:
 
     @property
     def painted(self):
+        """Give what has been painted, put together as each part was."""
         return jax.tree.unflatten(self.tree, self.leaves)

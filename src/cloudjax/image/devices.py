@@ -1,4 +1,4 @@
-"""All devices, each with its share of the rays.
+"""All devices work, each on its share of the rays.
 
 No ray knows of another, so devices tell each other nothing until all have ended.
 """

@@ -1,4 +1,4 @@
-"""The rays of an image, so many at a time."""
+"""The rays of an image are taken so many at a time."""
 
 from collections.abc import Callable, Iterator
 

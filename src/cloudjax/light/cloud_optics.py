@@ -6,6 +6,7 @@ cloud there is and of what it is made are apart.
 """
 
 import abc
+from dataclasses import KW_ONLY
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -37,6 +38,8 @@ class AbstractCloudOptics(eqx.Module):
     def absorption(self) -> Float[Array, " emissive"]:
         """Give that of the pure absorber that stands for the cloud in each emissive
         band, over β: see `Particles.effective_absorption_in`.
+
+        **Raises:** `ValueError` where it is not known.
         """
 
     @property
@@ -98,20 +101,22 @@ class GivenOptics(AbstractCloudOptics):
 
     **Fields:**
 
-    - `infrared_ratio`: absorption over β at the emissive reference band.
     - `co_albedo`: 1 - ω in each reflective band.
-    - `relative_absorption`: of each emissive band, 1 at the reference band.
     - `asymmetry`: mean scattering cosine in each reflective band; None is 0.
     - `relative_extinction`: of each reflective band over β; None is 1.
+    - `infrared_ratio`: absorption over β at the emissive reference band.
+    - `relative_absorption`: of each emissive band, 1 at the reference band. Scenes
+      without emissive bands need neither.
     - `thermal_co_albedo`, `thermal_asymmetry`: 1 - ω and mean scattering cosine in each
       emissive band; for scenes whose cloud scatters there.
     """
 
-    infrared_ratio: Float[Array, ""]
     co_albedo: Float[Array, " reflective"]
-    relative_absorption: Float[Array, " emissive"]
+    _: KW_ONLY
     asymmetry: Float[Array, " reflective"] | None = None
     relative_extinction: Float[Array, " reflective"] | None = None
+    infrared_ratio: Float[Array, ""] | None = None
+    relative_absorption: Float[Array, " emissive"] | None = None
     thermal_co_albedo: Float[Array, " emissive"] | None = None
     thermal_asymmetry: Float[Array, " emissive"] | None = None
 
@@ -130,6 +135,11 @@ class GivenOptics(AbstractCloudOptics):
 
     @property
     def absorption(self) -> Float[Array, " emissive"]:
+        if self.infrared_ratio is None or self.relative_absorption is None:
+            raise ValueError(
+                "The optics of a cloud have no absorption in the thermal bands: give "
+                "infrared_ratio and relative_absorption, or leave the bands out."
+            )
         return self.infrared_ratio * self.relative_absorption
 
     @property

@@ -1,4 +1,4 @@
-"""The march of rays through the clouds of a scene, to radiances and cloud products.
+"""Rays march through the clouds of a scene, to radiances and cloud products.
 
-Pure functions of arrays: they can be compiled, differentiated and batched.
+These are pure functions of arrays, to be compiled, differentiated and batched.
 """

@@ -1,4 +1,4 @@
-"""What rays see without cloud: the ground, through the air of the scene."""
+"""Rays without cloud see the ground, through the air of the scene."""
 
 import jax
 import jax.numpy as jnp

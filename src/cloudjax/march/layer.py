@@ -1,4 +1,4 @@
-"""Layers from classes of cloud."""
+"""Layers are made from classes of cloud."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Scenes from the names of classes and bands, for work by hand."""
+"""Scenes are made from the names of classes and bands, for work by hand."""
 
 from collections.abc import Sequence
 

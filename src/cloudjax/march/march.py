@@ -1,4 +1,4 @@
-"""The march through a shell: optical depth, transmittance, first surface.
+"""The march through a shell finds optical depth, transmittance, first surface.
 
 The cloud of a step is spread evenly over it, so that transmittance is an exact
 exponential within each segment.
@@ -14,7 +14,7 @@ from cloudjax.geometry.path import to_points
 
 
 class March(eqx.Module):
-    """Cloud met along rays, front to back.
+    """A `March` is the cloud met along rays, front to back.
 
     **Fields:**
 
@@ -32,18 +32,18 @@ class March(eqx.Module):
 
     @property
     def depth_m(self) -> Float[Array, "nodes rays"]:
-        """Length of the way through cloud, L of eq. (3)."""
+        """Give the length of the way through cloud, L of eq. (3)."""
         return self.ends_m[..., -1]
 
     @property
     def cloud_m(self) -> Float[Array, "nodes rays steps"]:
-        """Length of the way through cloud, up to the end of each step."""
+        """Give the length of the way through cloud, up to the end of each step."""
         return self.ends_m[..., 1:]
 
     def absorbed(
         self, extinction_per_m: Float[Array, ""]
     ) -> Float[Array, "nodes rays steps"]:
-        """The share of the light looking back that each step stops: Σ = 1 - T."""
+        """Return the share of light looking back that each step stops: Σ = 1 - T."""
         # Not as a difference of the two lengths: it would leave derivatives of deep
         # cloud with the rounding of both, many times their own size.
         before = jnp.exp(-extinction_per_m * self.ends_m[..., :-1])
@@ -54,7 +54,7 @@ class March(eqx.Module):
         extinction_per_m: Float[Array, ""],
         stopped: Float[Array, "nodes rays"] | None = None,
     ) -> Float[Array, "rays ends"]:
-        """Mean over sub-pixel structures, from the entry to the end of each step.
+        """Return the mean over sub-pixel structures, from the entry to ends of steps.
 
         **Arguments:** `stopped`: a factor on what is taken from the light.
         """
@@ -64,7 +64,7 @@ class March(eqx.Module):
         return self.mean(through)
 
     def mean(self, per_node: Float[Array, "nodes *rest"]) -> Float[Array, "*rest"]:
-        """The average over the sub-pixel structures."""
+        """Return the average over the sub-pixel structures."""
         return jnp.tensordot(self.weights, per_node, axes=1)
 
 
@@ -81,7 +81,8 @@ def march(occupancy: Occupancy, length_m: Float[Array, " rays"]) -> March:
 
 
 class FirstSurface(eqx.Module):
-    """Where a ray is expected to meet the cloud, by the weights of what it absorbs.
+    """A `FirstSurface` is where a ray is expected to meet the cloud, by the weights of
+    what it absorbs.
 
     A pixel sees a rough surface: slopes that it does not resolve have a normal
     distribution about their mean.
@@ -99,13 +100,13 @@ class FirstSurface(eqx.Module):
 
     @property
     def normal(self) -> Float[Array, "3 nodes rays"]:
-        """Unit vector along the mean slope."""
+        """Give the unit vector along the mean slope."""
         return self.slope / jnp.sqrt((self.slope**2).sum(0) + 1e-24)[None]
 
     def illumination(
         self, sun_direction: Float[Array, "rays 3"]
     ) -> tuple[Float[Array, "nodes rays"], Float[Array, "nodes rays"]]:
-        """Means of max(n·s, 0) and of max(-n·s, 0) over the rough surface.
+        """Return means of max(n·s, 0) and of max(-n·s, 0) over the rough surface.
 
         n = slope/|slope|, with the root mean square of |slope| for the denominator;
         n·s is normal with mean m and deviation σ: E max(x, 0) = m Φ(m/σ) + σ φ(m/σ).
@@ -123,7 +124,7 @@ def first_surface(
     slopes: Slopes,
     direction: Float[Array, "rays 3"],
 ) -> FirstSurface:
-    """The expected depth and slope of the first surface (section 2.1).
+    """Find the expected depth and slope of the first surface (section 2.1).
 
     **Arguments:** `direction`: of the rays.
     """

@@ -1,4 +1,4 @@
-"""The layers of a scene, each marched along its own ways."""
+"""The layers of a scene are marched, each along its own ways."""
 
 import functools as ft
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ LEAST_OF_LAYER = 1e-5
 
 
 class MarchedWay(eqx.Module):
-    """A way, marched.
+    """A `MarchedWay` is a way, and what the march along it met.
 
     **Fields:**
 
@@ -52,21 +52,23 @@ class MarchedWay(eqx.Module):
 
     @property
     def part(self) -> Float[Array, "rays steps"]:
-        """Where the steps are on the whole way, 0 to 1."""
+        """Say where the steps are on the whole way, 0 to 1."""
         distance = self.start_m[:, None] + self.distance_m
         return distance / jnp.maximum(self.whole_m, 1.0)[:, None]
 
     @property
     def air_k(self) -> Float[Array, "rays steps"] | None:
+        """Give the air's temperature [K] at steps, None where the scene's serves."""
         return None if self.air is None else self.air.at(self.part)
 
     @property
     def altitude_m(self) -> Float[Array, "rays steps"]:
+        """Give the altitude of the steps."""
         return self.path.altitude_m(self.distance_m)
 
     @property
     def view_height(self) -> Float[Array, " rays"]:
-        """Cosine of the viewer's zenith angle at the entry."""
+        """Give the cosine of the viewer's zenith angle at the entry."""
         return jnp.abs(jnp.sum(self.path.entry_up * self.path.direction, axis=-1))
 
     def stops(
@@ -101,7 +103,7 @@ class MarchedWay(eqx.Module):
 
 
 class Stops(eqx.Module):
-    """What each step of a way stops, the mean over its sub-pixel structures.
+    """`Stops` are what each step of a way stops, the mean over sub-pixel structures.
 
     **Fields:**
 

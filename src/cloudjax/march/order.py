@@ -1,4 +1,4 @@
-"""Which cloud a ray meets first, where shells may overlap.
+"""A ray meets one cloud before another, where shells may overlap.
 
 Layers are marched apart, each over its own sub-pixel structures, which are independent
 of those of the others: so the mean transmittance of one is what dims another. How much
@@ -19,7 +19,7 @@ from .alike import Met, if_met
 
 
 class Stretch(eqx.Module):
-    """The part of each ray that lies in one shell.
+    """A `Stretch` is the part of each ray that lies in one shell.
 
     **Fields:** `start_m`, `length_m`: where it begins, on a scale that all stretches of
     a ray share, and how long it is.
@@ -30,11 +30,11 @@ class Stretch(eqx.Module):
 
 
 class AbstractPlace(eqx.Module):
-    """Where on another stretch's profile points of a ray lie."""
+    """A place says where on another stretch's profile points of a ray lie."""
 
     @abc.abstractmethod
     def read(self, profile: Float[Array, "rays nodes"]) -> Float[Array, "rays points"]:
-        """A profile from the start to the end of the stretch, linear between nodes."""
+        """Read a profile of the stretch, from start to end, linear between nodes."""
 
     def through(
         self, profile: Float[Array, "rays nodes"], met: Met
@@ -45,7 +45,7 @@ class AbstractPlace(eqx.Module):
 
 
 class Apart(AbstractPlace):
-    """All points of a ray on one side of the other stretch.
+    """`Apart` are all points of a ray on one side of the other stretch.
 
     **Fields:** `behind`: it, and not before.
     """
@@ -53,12 +53,12 @@ class Apart(AbstractPlace):
     behind: Bool[Array, "rays 1"]
 
     def read(self, profile: Float[Array, "rays nodes"]) -> Float[Array, "rays 1"]:
-        """The same at all points."""
+        """Read the same at all points."""
         return jnp.where(self.behind, profile[:, -1:], profile[:, :1])
 
 
 class Within(AbstractPlace):
-    """Points anywhere.
+    """`Within` are points anywhere on the other stretch, or beside it.
 
     **Fields:** `at`: in steps from the start of the stretch.
     """
@@ -66,7 +66,7 @@ class Within(AbstractPlace):
     at: Float[Array, "rays points"]
 
     def read(self, profile: Float[Array, "rays nodes"]) -> Float[Array, "rays points"]:
-        """A profile from the start to the end of the stretch, linear between nodes."""
+        """Read a profile of the stretch, from start to end, linear between nodes."""
         index = jnp.minimum(jnp.floor(self.at), profile.shape[1] - 2).astype(jnp.int32)
         before = jnp.take_along_axis(profile, index, axis=1)
         after = jnp.take_along_axis(profile, index + 1, axis=1)
@@ -80,6 +80,7 @@ class Within(AbstractPlace):
 
 
 def overlap(one: Shell, other: Shell) -> bool:
+    """Tell whether two shells have air in common."""
     return one.bottom_m < other.top_m and other.bottom_m < one.top_m
 
 
@@ -91,7 +92,7 @@ def place(
     *,
     overlapping: bool,
 ) -> AbstractPlace:
-    """Where points at distances within their own stretch lie on another one.
+    """Find where points at distances within their own stretch lie on another one.
 
     Stretches of shells that do not overlap lie wholly before or behind each other.
     """

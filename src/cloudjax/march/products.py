@@ -1,4 +1,4 @@
-"""What is known of the clouds of each ray beside their radiances."""
+"""Products are what is known of the clouds of each ray beside their radiances."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from .scene import Scene
 
 
 class CloudProducts(eqx.Module):
-    """What is known of the clouds of each ray beside their radiances.
+    """`CloudProducts` are what is known of the clouds of each ray beside radiances.
 
     **Fields:**
 
@@ -33,7 +33,7 @@ class CloudProducts(eqx.Module):
 
     @property
     def optical_depth(self) -> Float[Array | np.ndarray, " rays"]:
-        """Of all layers."""
+        """Give the optical depth of all layers."""
         return self.depths.sum(0)
 
 

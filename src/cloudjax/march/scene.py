@@ -1,4 +1,4 @@
-"""Scenes: layers of cloud over ground, in air, seen in bands."""
+"""Scenes are layers of cloud over ground, in air, seen in bands."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from .shadows import Shadows
 
 
 class Layer(eqx.Module):
-    """A source of cloud and what its particles do to light.
+    """A `Layer` is a source of cloud, and what its particles do to light.
 
     **Fields:**
 
@@ -40,24 +40,25 @@ class Layer(eqx.Module):
 
     @property
     def sunlit_per_m(self) -> Float[Array, " reflective"]:
-        """Extinction in each reflective band."""
+        """Give the extinction in each reflective band."""
         return self.extinction_per_m * self.optics.extinction
 
     @property
     def returned_per_m(self) -> Float[Array, " reflective"]:
-        """Of the light in each reflective band what is sent back: bβ (`shadows.py`)."""
+        """Give what is sent back of light in reflective bands: bβ (`shadows.py`)."""
         particles = self.optics.scatterers
         turned = (1 - particles.co_albedo) * particles.asymmetry
         return self.sunlit_per_m * (1 - turned) / 2
 
     @property
     def absorptions_per_m(self) -> Float[Array, " emissive"]:
-        """Of the pure absorber in each emissive band."""
+        """Give the extinction of the pure absorber in each emissive band."""
         return self.extinction_per_m * self.optics.absorption
 
 
 class BandRadiances(eqx.Module):
-    """Radiances of a set of rays in the units of the bands; None where not asked.
+    """`BandRadiances` are those of a set of rays in the units of the bands; None where
+    not asked.
 
     A band that sees the sun and emits too has a row in each: `Scene.total` adds them.
     """
@@ -131,7 +132,7 @@ class Scene(eqx.Module):
         return replace(self, layers=layers)
 
     def total(self, seen: BandRadiances) -> Float[Array, "bands rays"]:
-        """Reflected and emitted radiance together, one row for each of `bands`."""
+        """Return reflected and emitted radiance together, a row for each of `bands`."""
         rows: dict[int, Array] = {}
         groups = (self.reflective, seen.reflective), (self.emissive, seen.emissive)
         for bands, parts in groups:

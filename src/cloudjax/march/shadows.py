@@ -1,4 +1,4 @@
-"""Shadows and sunny sides: what stands between the sun and the cloud that is seen.
+"""Shadows and sunny sides are what stands between the sun and the cloud that is seen.
 
 A slab is lit as if its cloud went on for ever. What differs from that is the cloud on
 the way to the sun from the cloud on the way to the viewer, altitude by altitude. With
@@ -57,7 +57,7 @@ class Shadows(eqx.Module):
 
 
 class Passage(eqx.Module):
-    """A way through a source of cloud, sampled.
+    """A `Passage` is a way through a source of cloud, sampled.
 
     **Fields:**
 
@@ -74,6 +74,7 @@ class Passage(eqx.Module):
 
     @property
     def path(self) -> Path:
+        """Give the geometry."""
         return self.way.path
 
     def repeated(self, times: int) -> "Passage":
@@ -95,7 +96,8 @@ class Passage(eqx.Module):
 
 
 class Shade(eqx.Module):
-    """Cloud of one source between points of a surface and the sun, and above them.
+    """A `Shade` is the cloud of one source between points of a surface and the sun, and
+    above them.
 
     **Fields:**
 
@@ -133,7 +135,7 @@ class Shade(eqx.Module):
 
 
 class Shades(eqx.Module):
-    """All shades of a set of rays, of each layer for each surface.
+    """`Shades` are all shades of a set of rays, of each layer for each surface.
 
     **Fields:** `ways`: on the cloud of each way; `ground`: on what is below all cloud.
     """

@@ -1,4 +1,4 @@
-"""Light in the slabs of cloud of each ray, found where there is cloud.
+"""Light in the slabs of cloud of each ray is found where there is cloud.
 
 Of the slabs of a tile, one for each way, node and ray, four out of five are empty. The
 others are brought together, and networks are evaluated for them alone.

@@ -1,4 +1,4 @@
-"""Thermal radiation that the layers of a scene emit, one in front of the other."""
+"""The layers of a scene emit thermal radiation, one in front of the other."""
 
 from collections.abc import Sequence
 from typing import cast
