@@ -14,8 +14,8 @@ from cloudjax_scenes.quality import Quality
 from .outline import Outline
 
 
-# The quicker of two: what else the machine does only ever adds.
-_REPEATS = 2
+# The quickest of some: what else the machine does only ever adds.
+_REPEATS = 4
 # Every so many of the rays are timed, too, for what a render takes whatever its size.
 _FEWER = 4
 # Rays that are rendered at once. Of a sample few are read alike, as most of a tile of

@@ -99,7 +99,7 @@ class FractalCloud(AbstractCloudSource):
 
     @property
     def rungs(self) -> tuple[Rung, ...]:
-        """Of all ladders, ladder by ladder."""
+        """List the rungs of all ladders, ladder by ladder."""
         return rungs(self.ladders)
 
     @property
