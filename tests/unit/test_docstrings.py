@@ -82,4 +82,4 @@ def test_what_is_public_has_a_docstring(path):
 
 @each_file
 def test_docstrings_begin_with_a_sentence(path):
-    assert not _fragments(path)
+    assert not list(_fragments(path))
