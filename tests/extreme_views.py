@@ -109,7 +109,8 @@ def drawn_scene(
     axes = np.linspace(-90.0, 90.0, 19), np.arange(0.0, 360.0, 10.0)
     scene = kind.scene(_vectors(kind, rng, 1)[0], PlaneParallel.load())
     weathered = scene_under(scene, MaskGrid.from_fraction(cover, *axes), _fields(rng))
-    target = ecef(*rng.uniform(-35, 35, (2, count)), np.zeros(count))
+    φ, λ = rng.uniform(-35, 35, (2, count))
+    target = ecef(φ, λ, np.zeros(count))
     target[::8] = 0.0, 9e6, 0.0
     return weathered, rays_to(GEOSTATIONARY_M, target), _unit(rng.normal(size=3))
 

@@ -68,14 +68,15 @@ def _worker_of(number: int) -> str:
 
 def test_a_scheduler_elsewhere_is_found_by_its_address():
     """A scheduler and its worker run in threads here, and answer at ports."""
-    with LocalCluster(
+    cluster = LocalCluster(
         n_workers=1,
         threads_per_worker=1,
         processes=False,
         protocol="tcp",
         host="127.0.0.1",
         dashboard_address=":0",
-    ) as cluster:
+    )
+    with cluster:
         address = cluster.scheduler_address
         assert address.startswith("tcp://127.0.0.1:")
         runner = Cluster().convert(address, None, None)
