@@ -45,6 +45,7 @@ TOGETHER = {
     "tests/regression/test_fits.py": "fit",
     "tests/system/test_readme.py": "fit",
     "tests/unit/fit/test_checkpoint.py": "small fits",
+    "tests/unit/fit/test_extreme_fits.py": "small fits",
     "tests/unit/fit/test_fitting.py": "small fits",
     "tests/unit/source_contract/test_batches.py": "sources",
     "tests/unit/source_contract/test_independence.py": "sources",

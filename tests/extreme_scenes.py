@@ -16,7 +16,6 @@ import numpy as np
 from cloudjax import (
     Air,
     CloudFunction,
-    CoarseFields,
     EmissiveBands,
     EmittingSlabs,
     FractalCloud,
@@ -25,11 +24,9 @@ from cloudjax import (
     InvertedWorley,
     Ladder,
     Latent,
-    LatLonGrid,
     Layer,
     Particles,
     PlaneParallel,
-    Rays,
     ReflectiveBands,
     Response,
     Scene,
@@ -42,11 +39,8 @@ from cloudjax import (
     bands_named,
 )
 from cloudjax.clouds.class_parameters import USUAL
-from cloudjax.geometry.geodesy import ecef
 from cloudjax.march.marched_way import march_layers
 from cloudjax.march.radiances import see
-from cloudjax.march.view import lay, make_textures, sample
-from tests.helpers import GEOSTATIONARY_M, FunctionMask, rays_to, sampling
 
 
 class Range(NamedTuple):
@@ -107,8 +101,8 @@ class Kind:
     """What is static of a scene: the same for all that are compiled together.
 
     **Fields:** `shells`: one for each layer. `sunlit`, `thermal`: bands. `scatters`:
-    whether cloud scatters thermal radiation. `waves_m`: of the first ladder, which
-    has two rungs.
+    whether cloud scatters thermal radiation. `backwards`: whether the scene has its
+    layers in the opposite order. `waves_m`: of the first ladder, which has two rungs.
     """
 
     shells: tuple[Shell, ...] = (Shell(0.0, 12e3),)
@@ -119,6 +113,7 @@ class Kind:
     air: bool = False
     scatters: bool = True
     shadows: Shadows | None = None
+    backwards: bool = False
     waves_m: tuple[float, float] = (20e3, 10e3)
 
     @property
@@ -152,7 +147,7 @@ class Kind:
             for i, suffix in enumerate(("", "_b")[: len(self.shells)])
         ]
         return Scene(
-            layers=tuple(layers),
+            layers=tuple(layers[::-1] if self.backwards else layers),
             reflective=ReflectiveBands.of(bands_named(*self.sunlit)),
             emissive=EmissiveBands.of(bands_named(*self.thermal)),
             reflection=Slabs(networks),
@@ -293,100 +288,3 @@ def _reverse(kind: Kind, vectors, view: View, networks):
         return _radiance(kind, networks, ray, vector)[0].sum()
 
     return jax.vmap(jax.grad(total))(vectors, view)
-
-
-def view_of(
-    kind: Kind,
-    rays: Rays,
-    sun: np.ndarray,
-    mask=lambda φ, λ: 0 * φ,
-    fields: np.ndarray | None = None,
-    displacements=None,
-) -> View:
-    """Lay rays through a scene of a kind; all views of one kind are alike.
-
-    **Arguments:** `fields`: optical depth, top and roughness, the same everywhere.
-    """
-    nodes = np.zeros((2, 3, 3)) + (0 if fields is None else fields)
-    grid = LatLonGrid.from_axes(np.array([-90.0, 90.0]), np.array([0.0, 120.0, 240.0]))
-    scene = kind.scene(kind.vector(), PlaneParallel.load())
-    layers = tuple(
-        replace(
-            layer,
-            cloud=replace(
-                layer.cloud,
-                mask=FunctionMask(mask),
-                fields=CoarseFields(jnp.asarray(nodes, float), grid),
-                displacements=displacements,
-            ),
-        )
-        for layer in scene.layers
-    )
-    # As often as the rungs of the narrowest pixel, and the masks of the longest way.
-    ways = lay(replace(scene, layers=layers), rays, sun, sampling(0.0, 9))
-    return sample(scene, ways, make_textures(scene))
-
-
-def joined(views: list[View]) -> View:
-    """All rays of some views of one kind."""
-    return jax.tree.map(lambda *some: jnp.concatenate(some), *views)
-
-
-# Views --------------------------------------------------------------------------------
-
-
-def towards(latitude_deg, longitude_deg, origin_m=GEOSTATIONARY_M, pixel_rad=5.6e-5):
-    """Rays to places on the ground."""
-    φ, λ = np.broadcast_arrays(np.asarray(latitude_deg, float), longitude_deg)
-    return rays_to(origin_m, ecef(φ, λ, np.zeros(φ.shape)), pixel_rad)
-
-
-def drawn_rays(rng: np.random.Generator, count: int, above: bool = False) -> Rays:
-    """From orbits, from aircraft within the clouds and from the ground; anywhere to.
-
-    **Arguments:** `above`: from orbits to the ground only.
-    """
-    heights = [3.6e7, 8e5, 4e5] if above else [3.6e7, 8e5, 2e4, 9e3, 3e3, 500.0, 2.0]
-    places = (-90.0, 90.0, 0.0, rng.uniform(-90, 90))
-    origin = ecef(
-        rng.choice(places, count),
-        rng.choice([-180.0, 180.0, 0.0, rng.uniform(-180, 180)], count),
-        rng.choice(heights, count),
-    )
-    radius = np.linalg.norm(origin, axis=-1)
-    down, any_way = -origin / radius[:, None], _unit(rng.normal(size=(count, 3)))
-    level = _unit(any_way - (any_way * down).sum(-1, keepdims=True) * down)
-    # Straight down, aslant, to the limb and a little beyond it.
-    limb = 6.3e6 if above else 6.37e6 + rng.uniform(-5e4, 5e4, count)
-    sine = np.minimum(limb / radius, 1) * rng.choice([0.0, 0.3, 0.9, 1.0], count)
-    aimed = level * sine[:, None] + down * np.sqrt(1 - sine**2)[:, None]
-    astray = (rng.random(count) < (0 if above else 0.15))[:, None]
-    pixel_rad = np.exp(rng.uniform(np.log(1e-8), np.log(3e-3), count))
-    return Rays(origin, _unit(np.where(astray, any_way, aimed)), pixel_rad)
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-RAYS_PER_SUN = 8
-
-
-def drawn(
-    kind: Kind, rng: np.random.Generator, count: int, above: bool = False
-) -> tuple[np.ndarray, View]:
-    """Vectors and a ray for each; a number of a vector is often at an end."""
-    views = []
-    for _ in range(count // RAYS_PER_SUN):
-        a, b, c = rng.uniform(-4, 4, 3)
-        fields = rng.uniform(-1, 1, 3) * np.array([3.0, 2000.0, 1.5])
-        rays = drawn_rays(rng, RAYS_PER_SUN, above)
-        sun = _unit(rng.normal(size=3))
-        mask = ft.partial(_waves, a=a, b=b, c=c)
-        views.append(view_of(kind, rays, sun, mask, fields))
-    parts = np.clip(rng.uniform(-0.2, 1.2, (count, len(kind.ranges))), 0, 1)
-    return parts, joined(views)
-
-
-def _waves(φ, λ, a, b, c):
-    return 4 * np.sin(a * φ + b * λ + c)

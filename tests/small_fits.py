@@ -33,6 +33,35 @@ SHAPE = (24, 24)
 BLOCKS = (4, 4)
 BANDS = {1: Band(1, 0.47, SOLAR[1]), 13: Band(13, 10.33, None, PLANCK[13])}
 RULE = CloudRule(1, 0.25, 13, 270.0)
+# The fewer parameters are free, the sooner a fit is compiled.
+HELD = {
+    name: {"free": False}
+    for name in (
+        "low.mask_gain",
+        "low.infrared_ratio",
+        "low.barrier_scale",
+        "low.top",
+        "air.path_C01",
+        "air.temperature_offset",
+        "air.gain_C13",
+    )
+}
+
+
+class Killed(Exception):
+    """In place of a signal that no program can catch."""
+
+
+def killed_at(count: int):
+    """Return what to call with each step, of which so many are allowed."""
+    steps = []
+
+    def on_step(step, loss):
+        steps.append(step)
+        if len(steps) > count:
+            raise Killed
+
+    return on_step
 
 
 def small_class(name: str = "low", hours: float = 0.0, **changes) -> CloudClass:

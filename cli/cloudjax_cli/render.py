@@ -105,7 +105,7 @@ def render(targets, output, bands, runner, **options) -> int | None:
     folders = [target for target in targets if Path(target).is_dir()]
     if not folders and not several:
         refuse(_OF_SCENES, options, f"{targets[0]} is no folder of a scene")
-        render_over(targets[0], _writable(output), bands, options)
+        _render_sensor(targets[0], _writable(output), bands, options)
         return None
     for target in targets:
         for name in (name for name in CLOUD_OPTIONS if options[name]):
@@ -128,6 +128,13 @@ def _writable(output: str) -> Path:
         raise click.UsageError(f"the output is a netCDF file, and {output} is not *.nc")
     require_writable(path.parent)
     return path
+
+
+def _render_sensor(sensor: str, path: Path, bands, options) -> None:
+    from cloudjax_data.output_lock import alone
+
+    with alone(path.parent, path.name):
+        render_over(sensor, path, bands, options)
 
 
 def _render_scene(scene: str, path: Path, bands, options) -> None:

@@ -53,6 +53,7 @@ def tradeoff(target, output, budget_s, shadows, **options) -> None:
     been measured is written.
     """
     from cloudjax_data import DataError
+    from cloudjax_data.output_lock import alone
     from cloudjax_data.whole_files import require_writable
     from cloudjax_scenes.trade.sweep import Sweep
 
@@ -63,18 +64,19 @@ def tradeoff(target, output, budget_s, shadows, **options) -> None:
     require_writable(folder)
     subject = subject_of(target, shadows=shadows, **options)
     sweep = Sweep.of(subject, budget_s, shadows=shadows)
-    click.echo(
-        f"{subject.name}: {len(subject.rays)} of {subject.outline.pixels} pixels, "
-        f"against {sweep.reference.words}"
-    )
-    front = gathered(subject, sweep)
-    if front is None:
-        raise DataError(
-            f"Nothing of {target} was measured: wait for the reference and one quality "
-            "at least."
+    with alone(folder, "tradeoff"):
+        click.echo(
+            f"{subject.name}: {len(subject.rays)} of {subject.outline.pixels} pixels, "
+            f"against {sweep.reference.words}"
         )
-    command = shlex.join(["cloudjax", "render", target, *_given(options)])
-    write_trade(folder, front, command)
+        front = gathered(subject, sweep)
+        if front is None:
+            raise DataError(
+                f"Nothing of {target} was measured: wait for the reference and one "
+                "quality at least."
+            )
+        command = shlex.join(["cloudjax", "render", target, *_given(options)])
+        write_trade(folder, front, command)
 
 
 def _given(options) -> list[str]:

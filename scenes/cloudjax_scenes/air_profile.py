@@ -50,7 +50,7 @@ def mean_profile(
     """
     found = profiles(latitude_deg, longitude_deg)
     kelvin, humidity = (np.asarray(each) for each in found)
-    known = np.isfinite(kelvin).all(axis=-1)
+    known = (np.isfinite(kelvin) & np.isfinite(humidity)).all(axis=-1)
     if not known.any():
         return np.asarray(temperature_k(LEVELS_M), float), standard_humidity()
     return kelvin[known].mean(axis=0), humidity[known].mean(axis=0)

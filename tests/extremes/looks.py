@@ -7,7 +7,8 @@ import numpy as np
 
 from cloudjax import EmissiveBands, Rays, bands_named
 from cloudjax.geometry.geodesy import ecef
-from tests.extreme_scenes import Kind, Seen, seen_from, view_of
+from tests.extreme_scenes import Kind, Seen, seen_from
+from tests.extreme_views import view_of
 from tests.helpers import GEOSTATIONARY_M, rays_to, sun
 
 

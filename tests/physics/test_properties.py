@@ -6,6 +6,8 @@ slow tier has 10 000 draws of scenes with every part of the model. What was larg
 all draws is told by `--hypothesis-show-statistics` (docs/accuracy/extremes.md).
 """
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,16 +15,19 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings, target
 from hypothesis import strategies as st
 
-from cloudjax import EmissiveBands, PlaneParallel, StandardAtmosphere, bands_named
-from cloudjax.light.phase import HenyeyGreenstein
-from tests.extreme_scenes import (
-    EVERYTHING,
-    Kind,
-    Seen,
-    drawn,
-    radiance_from,
-    seen_from,
+from cloudjax import (
+    EmissiveBands,
+    PlaneParallel,
+    Shell,
+    StandardAtmosphere,
+    bands_named,
+    look,
+    radiances,
+    render,
 )
+from cloudjax.light.phase import HenyeyGreenstein
+from tests.extreme_scenes import EVERYTHING, Kind, Seen, radiance_from, seen_from
+from tests.extreme_views import drawn, drawn_scene
 
 
 SIMPLE = Kind()
@@ -138,11 +143,21 @@ def _difference(kind: Kind, seed: int) -> np.ndarray:
     return np.abs(single - double) / reference(kind)[None]
 
 
-def _assert_precise(kind: Kind, seed: int) -> None:
+def _assert_little_off(kind: Kind, off: np.ndarray) -> None:
     sunlit = len(kind.sunlit)
-    found = _difference(kind, seed)
-    assert note(found[:, :sunlit], "of a white surface") < SUNLIT_ERROR
-    assert note(found[:, sunlit:], "of a black body of 300 K") < THERMAL_ERROR
+    assert note(off[:, :sunlit], "of a white surface") < SUNLIT_ERROR
+    assert note(off[:, sunlit:], "of a black body of 300 K") < THERMAL_ERROR
+
+
+def _assert_precise(kind: Kind, seed: int) -> None:
+    _assert_little_off(kind, _difference(kind, seed))
+
+
+def _assert_few_off(off: list[np.ndarray]) -> None:
+    """Of everything, in each of many batches."""
+    found, sunlit = np.concatenate(off), len(EVERYTHING.sunlit)
+    assert np.mean(found[:, :sunlit].max(1) > SUNLIT_ERROR) < OFF
+    assert np.mean(found[:, sunlit:].max(1) > THERMAL_ERROR) < OFF
 
 
 @draws(320)
@@ -154,10 +169,7 @@ def test_single_precision_agrees_with_double(seed):
 @pytest.mark.slow
 def test_single_precision_agrees_with_double_in_everything():
     """10 048 draws. Measured: 24 differ by more."""
-    sunlit = len(EVERYTHING.sunlit)
-    off = np.concatenate([_difference(EVERYTHING, seed) for seed in range(157)])
-    assert np.mean(off[:, :sunlit].max(1) > SUNLIT_ERROR) < OFF
-    assert np.mean(off[:, sunlit:].max(1) > THERMAL_ERROR) < OFF
+    _assert_few_off([_difference(EVERYTHING, seed) for seed in range(157)])
 
 
 # Energy ------------------------------------------------------------------------------
@@ -200,9 +212,7 @@ def _sent_back(depth, g, sun):
     return (over_azimuth * (weights * (nodes + 1) / 2)).sum()
 
 
-@draws(640)
-@given(seed=SEEDS)
-def test_a_white_slab_sends_back_no_more_than_it_gets(seed):
+def _assert_no_more_is_sent_back(seed: int) -> None:
     """From all depths, though a ray may be brighter than white: low suns are seen at
     3.4 times that through thin edges of cloud that scatter forward.
     """
@@ -213,14 +223,25 @@ def test_a_white_slab_sends_back_no_more_than_it_gets(seed):
     assert note(sent, "sent back") < 1.02
 
 
+@draws(640)
+@given(seed=SEEDS)
+def test_a_white_slab_sends_back_no_more_than_it_gets(seed):
+    _assert_no_more_is_sent_back(seed)
+
+
+@pytest.mark.slow
+@draws(10_000)
+@given(seed=SEEDS)
+def test_no_white_slab_sends_back_more_than_it_gets(seed):
+    _assert_no_more_is_sent_back(seed)
+
+
 WARM_GROUND = {"ground_k": 335.0, "emissivity": 1.0}
 ABSORBING = Kind(sunlit=(), scatters=False)
 
 
-@draws(320)
-@given(seed=SEEDS)
-def test_thermal_radiance_is_between_the_coldest_and_the_warmest(seed):
-    """Of clouds that only absorb, over black ground, in air that cools upwards."""
+def _assert_between_coldest_and_warmest(seed: int) -> None:
+    """Clouds that only absorb are over black ground, in air that cools upwards."""
     parts, view = _batch(ABSORBING, seed, above=True)
     parts = _set(ABSORBING, parts, emissivity=1.0)
     (shell,) = ABSORBING.shells
@@ -240,8 +261,22 @@ def test_thermal_radiance_is_between_the_coldest_and_the_warmest(seed):
 
 @draws(320)
 @given(seed=SEEDS)
-def test_more_extinction_never_brightens_the_infrared_of_a_cold_cloud(seed):
-    """Over ground that is warmer than all air, from above.
+def test_thermal_radiance_is_between_the_coldest_and_the_warmest(seed):
+    _assert_between_coldest_and_warmest(seed)
+
+
+@pytest.mark.slow
+@draws(10_000)
+@given(seed=SEEDS)
+def test_no_thermal_radiance_is_beyond_the_coldest_and_the_warmest(seed):
+    _assert_between_coldest_and_warmest(seed)
+
+
+# Extinction --------------------------------------------------------------------------
+
+
+def _assert_no_brighter_infrared(seed: int) -> None:
+    """Cold cloud is over ground that is warmer than all air, seen from above.
 
     Where nothing changes any more, the emulated emissivity ripples: by less than 1e-3
     of a black body of 300 K for each e-fold of extinction.
@@ -255,8 +290,19 @@ def test_more_extinction_never_brightens_the_infrared_of_a_cold_cloud(seed):
 
 @draws(320)
 @given(seed=SEEDS)
-def test_more_extinction_never_darkens_the_visible_of_a_thick_cloud(seed):
-    """White cloud over black ground, thicker than an optical depth of 3.
+def test_more_extinction_never_brightens_the_infrared_of_a_cold_cloud(seed):
+    _assert_no_brighter_infrared(seed)
+
+
+@pytest.mark.slow
+@draws(10_000)
+@given(seed=SEEDS)
+def test_more_extinction_brightens_the_infrared_of_no_cold_cloud(seed):
+    _assert_no_brighter_infrared(seed)
+
+
+def _assert_no_darker_visible(seed: int) -> None:
+    """White cloud is over black ground, thicker than an optical depth of 3.
 
     Saturated, the emulated reflectance ripples: by less than 2e-3 of what is seen for
     each e-fold of extinction.
@@ -270,6 +316,19 @@ def test_more_extinction_never_darkens_the_visible_of_a_thick_cloud(seed):
     assert note(-(seen.forward[:, 0] / bright)[thick], "of what is seen") < 2e-3
 
 
+@draws(320)
+@given(seed=SEEDS)
+def test_more_extinction_never_darkens_the_visible_of_a_thick_cloud(seed):
+    _assert_no_darker_visible(seed)
+
+
+@pytest.mark.slow
+@draws(10_000)
+@given(seed=SEEDS)
+def test_more_extinction_darkens_the_visible_of_no_thick_cloud(seed):
+    _assert_no_darker_visible(seed)
+
+
 # Order -------------------------------------------------------------------------------
 
 
@@ -281,3 +340,61 @@ def test_the_order_of_pixels_does_not_matter(seed):
     seen = seen_from(SIMPLE, parts, view).radiance
     turned = seen_from(SIMPLE, parts[order], view[order]).radiance
     np.testing.assert_allclose(turned, seen[order], rtol=1e-5, atol=1e-5)
+
+
+# Of most rays, relative to `reference`: float32. A few see deep clouds, which begin
+# where rounding decides.
+ROUNDED = 1e-5
+LAYERS = Kind(shells=(Shell(0.0, 6e3), Shell(4e3, 14e3)))
+
+
+def _assert_rounded(kind: Kind, off: np.ndarray) -> None:
+    assert np.median(off.max(1)) < ROUNDED
+    _assert_little_off(kind, off)
+
+
+def _off_by_order(kind: Kind, seed: int) -> np.ndarray:
+    """How far radiances are from those of the layers in the opposite order."""
+    there, back = (
+        radiance_from(one, *_batch(one, seed))
+        for one in (kind, replace(kind, backwards=True))
+    )
+    return np.abs(back - there) / reference(kind)[None]
+
+
+@draws(320)
+@given(seed=SEEDS)
+def test_the_order_of_layers_does_not_matter(seed):
+    _assert_rounded(LAYERS, _off_by_order(LAYERS, seed))
+
+
+@pytest.mark.slow
+def test_the_order_of_layers_does_not_matter_in_everything():
+    """10 048 draws."""
+    _assert_few_off([_off_by_order(EVERYTHING, seed) for seed in range(157)])
+
+
+# Of fewer than 16, which are compiled for one size each.
+TILES = 7, 15
+
+
+def _off_by_tile(kind: Kind, seed: int) -> np.ndarray:
+    """How far renders by tiles are from the pure function."""
+    scene, rays, sun = drawn_scene(kind, np.random.default_rng(seed), BATCH)
+    seen = [radiances(scene, look(scene, rays, sun))]
+    seen += [render(scene, rays, sun, tile=tile).radiances for tile in TILES]
+    pure, *tiled = (np.concatenate(jax.tree.leaves(one)).T for one in seen)
+    return np.abs(np.array(tiled) - pure).max(0) / reference(kind)[None]
+
+
+@draws(640)
+@given(seed=SEEDS)
+def test_the_size_of_tiles_does_not_matter(seed):
+    """Ten scenes of 64 rays."""
+    _assert_rounded(SIMPLE, _off_by_tile(SIMPLE, seed))
+
+
+@pytest.mark.slow
+def test_the_size_of_tiles_does_not_matter_in_everything():
+    """157 scenes of 64 rays."""
+    _assert_few_off([_off_by_tile(EVERYTHING, seed) for seed in range(157)])

@@ -16,6 +16,7 @@ from cloudjax_fit.uncertainty import Estimate
 from cloudjax_scenes.simulated_image import SimulatedImage
 from tests.commands import run, sentence_of
 from tests.scenes import write_scene
+from tests.small_fits import Killed
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +96,23 @@ def test_what_is_whole_is_not_fitted_again(scenes, joint, tmp_path):
     (out / "b" / "fit.json").unlink()
     run(*command, "--resume")
     assert joint == [["a", "b"]] * 3
+
+
+def test_a_joint_fit_that_was_killed_goes_on_only_if_asked(
+    scenes, monkeypatch, tmp_path
+):
+    """By the checkpoint that an earlier run left in the folder."""
+    begun = []
+
+    def killed(scenes, sharing, *, checkpoint, **_):
+        begun.append(checkpoint.path.exists())
+        checkpoint.path.write_text("how far it has come")
+        raise Killed
+
+    monkeypatch.setattr("cloudjax_cli.joint_scenes.joint_fit", killed)
+    for options in ((), ("--resume",), ()):
+        run("fit", *scenes[:2], "--joint", "-o", tmp_path / "out", *options)
+    assert begun == [False, True, False]
 
 
 def test_what_cannot_be_is_refused(scenes, joint, tmp_path):

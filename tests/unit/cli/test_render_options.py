@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cloudjax import Shadows
+from cloudjax_data.output_lock import alone
 from tests.commands import run, sentence_of
 from tests.scenes import write_scene
 from tests.weather_scenes import MESO, NOON, write_inputs
@@ -104,6 +105,14 @@ def test_a_video_without_ffmpeg_is_refused_before_any_work(
     files = "--weather", weather / "gfs.grib2", "-o", weather / "out.nc"
     asked = "--frames", 2, "--animation", "mp4"
     assert "needs ffmpeg" in sentence_of(run("render", *MESO, *files, *asked))
+    assert not strips
+
+
+def test_a_file_that_another_process_renders_stays_alone(weather, strips):
+    files = "--weather", weather / "gfs.grib2", "-o", weather / "out.nc"
+    with alone(weather, "out.nc"):
+        refused = run("render", *MESO, *files)
+    assert "is being written by process" in sentence_of(refused)
     assert not strips
 
 

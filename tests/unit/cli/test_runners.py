@@ -7,8 +7,10 @@ from pathlib import Path
 
 import jax
 import pytest
+from distributed import LocalCluster, get_worker
 
 from cloudjax_cli.runners import Cluster, Here, OnDask
+from cloudjax_data import DataError
 from tests.commands import run, sentence_of
 
 
@@ -58,6 +60,36 @@ def test_what_is_compiled_is_forgotten_where_it_is_much(monkeypatch):
     assert done() == 1
     monkeypatch.setattr("cloudjax_cli.held_memory.MANY_MAPS", 0)
     assert [done(), done()] == [2, 4]
+
+
+def _worker_of(number: int) -> str:
+    return get_worker().address
+
+
+def test_a_scheduler_elsewhere_is_found_by_its_address():
+    """A scheduler and its worker run in threads here, and answer at ports."""
+    cluster = LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp",
+        host="127.0.0.1",
+        dashboard_address=":0",
+    )
+    with cluster:
+        address = cluster.scheduler_address
+        assert address.startswith("tcp://127.0.0.1:")
+        runner = Cluster().convert(address, None, None)
+        (worker,) = cluster.workers.values()
+        found = dict(runner.run(_worker_of, [1, 2, 3]))
+        assert found == dict.fromkeys([1, 2, 3], worker.address)
+
+
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
+    monkeypatch.setattr("cloudjax_cli.runners._PATIENCE_S", 0.2)
+    runner = Cluster().convert("tcp://127.0.0.1:1", None, None)
+    with pytest.raises(DataError, match="no scheduler of Dask answers at tcp://127"):
+        list(runner.run(_worker_of, [1]))
 
 
 def _alone(file: Path) -> int:

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from cloudjax_data.output_lock import alone
 from cloudjax_scenes.quality import Quality
 from cloudjax_scenes.trade import fronts, sweep
 from tests.commands import run, sentence_of
@@ -85,6 +86,12 @@ def test_nothing_measured_is_a_sentence(scene, tmp_path, monkeypatch):
     result = run("tradeoff", scene, "-o", tmp_path / "out")
     assert "Nothing of" in sentence_of(result)
     assert not (tmp_path / "out" / "tradeoff.json").exists()
+
+
+def test_what_another_process_measures_into_a_folder_stays_alone(scene, tmp_path):
+    with alone(tmp_path / "out", "tradeoff"):
+        said = sentence_of(run("tradeoff", scene, "-o", tmp_path / "out"))
+    assert "out is being written by process" in said
 
 
 @pytest.mark.parametrize("budget", ["0", "-3s", "soon", "inf", "nan"])

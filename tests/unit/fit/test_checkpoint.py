@@ -5,7 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.small_fits import flecked, small_class, small_imagery, small_target
+from tests.small_fits import (
+    HELD,
+    Killed,
+    flecked,
+    killed_at,
+    small_class,
+    small_imagery,
+    small_target,
+)
 
 from cloudjax_data import DataError
 from cloudjax_fit import fit
@@ -18,11 +26,6 @@ from cloudjax_fit.solver import Solver
 
 SETTINGS = FitSettings(
     rays=576, steps=5, starts=2, max_steps=4, seed=3, statistics="values"
-)
-# The fewer are free, the sooner it is compiled.
-HELD = (
-    *("low.mask_gain", "low.infrared_ratio", "low.barrier_scale", "low.top"),
-    *("air.path_C01", "air.temperature_offset", "air.gain_C13"),
 )
 
 
@@ -53,25 +56,9 @@ def _fit(target, **course) -> FitResult:
         target,
         settings=SETTINGS,
         classes={"low": small_class()},
-        overrides={name: {"free": False} for name in HELD},
+        overrides=HELD,
         **course,
     )
-
-
-class Killed(Exception):
-    """In place of a signal that no program can catch."""
-
-
-def _killed_at(count: int):
-    """What to call with each step, of which so many are allowed."""
-    steps = []
-
-    def on_step(step, loss):
-        steps.append(step)
-        if len(steps) > count:
-            raise Killed
-
-    return on_step
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +71,7 @@ def test_a_killed_fit_ends_where_it_would_have_ended(target, whole, tmp_path, st
     """Killed in its first start, and in its second: no step is done twice."""
     checkpoint = Checkpoint(tmp_path / "checkpoint", "this")
     with pytest.raises(Killed):
-        _fit(target, on_step=_killed_at(steps), checkpoint=checkpoint)
+        _fit(target, on_step=killed_at(steps), checkpoint=checkpoint)
     done = []
     again = _fit(
         target, on_step=lambda step, loss: done.append(step), checkpoint=checkpoint
@@ -100,7 +87,7 @@ def test_a_killed_fit_ends_where_it_would_have_ended(target, whole, tmp_path, st
 def test_another_fit_and_other_versions_begin_anew(target, tmp_path, monkeypatch):
     checkpoint = Checkpoint(tmp_path / "checkpoint", "this")
     with pytest.raises(Killed):
-        _fit(target, on_step=_killed_at(2), checkpoint=checkpoint)
+        _fit(target, on_step=killed_at(2), checkpoint=checkpoint)
     unread = pytest.fail
     assert len(_lines(checkpoint)["starts"]) == 1
     assert replace(checkpoint, asked="that").read(unread) == []
@@ -116,7 +103,7 @@ def _lines(checkpoint: Checkpoint) -> dict:
 def test_a_damaged_checkpoint_is_named(target, tmp_path):
     checkpoint = Checkpoint(tmp_path / "checkpoint", "this")
     with pytest.raises(Killed):
-        _fit(target, on_step=_killed_at(1), checkpoint=checkpoint)
+        _fit(target, on_step=killed_at(1), checkpoint=checkpoint)
     content = (tmp_path / "checkpoint").read_bytes()
     (tmp_path / "checkpoint").write_bytes(content[: len(content) // 2])
     with pytest.raises(DataError, match=r"checkpoint is damaged: remove it"):

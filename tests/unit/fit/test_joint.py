@@ -7,9 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tests.small_fits import flecked, small_class, small_imagery, small_target
+from tests.small_fits import (
+    Killed,
+    flecked,
+    killed_at,
+    small_class,
+    small_imagery,
+    small_target,
+)
 
 from cloudjax_data import DataError
+from cloudjax_fit.checkpoint import Checkpoint
 from cloudjax_fit.fit_settings import FitSettings
 from cloudjax_fit.fittable_scene import FittableScene
 from cloudjax_fit.joint_fitting import JointFit, joint_fit
@@ -123,6 +131,25 @@ def test_a_joint_fit_gains_on_its_start_and_writes_one_value_for_all(fitted):
     assert a.target.imagery.name == "a"
     for one in (a, b):
         assert one.distances_fit[13].w1 < one.distances_start[13].w1
+
+
+def test_a_killed_joint_fit_ends_where_it_would_have_ended(scenes, fitted, tmp_path):
+    """Killed with its third step: the two before are not done again."""
+    checkpoint = Checkpoint(tmp_path / "checkpoint", "this")
+    with pytest.raises(Killed):
+        joint_fit(scenes, SHARING, on_step=killed_at(2), checkpoint=checkpoint)
+    done = []
+    again = joint_fit(
+        scenes,
+        SHARING,
+        on_step=lambda step, loss: done.append(step),
+        checkpoint=checkpoint,
+    )
+    assert done == list(range(2, len(fitted.solution.history) - 1))
+    assert again.solution.history == pytest.approx(fitted.solution.history, rel=1e-6)
+    for found, expected in zip(again.estimates, fitted.estimates, strict=True):
+        assert found.value == pytest.approx(expected.value, rel=1e-5)
+        assert found.std == pytest.approx(expected.std, rel=1e-4)
 
 
 def test_two_scenes_know_more_than_one(scenes, alone):
