@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export JAX_PLATFORMS ?= cpu
 
-.PHONY: demo test test-all test-slow regression-update extremes lint docs check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
+.PHONY: demo test test-all test-slow faults regression-update extremes lint docs check bench bench-tradeoff bench-footprint bench-large-image bench-step-cloud clean
 
 demo: $(VENV)/installed
 	$(BIN)/cloudjax demo -o out/demo
@@ -21,6 +21,10 @@ test-all: $(VENV)/installed-dev
 
 test-slow: $(VENV)/installed-dev
 	XLA_FLAGS="$(XLA_FLAGS)" $(BIN)/python -m pytest -m slow --note-slow-passes
+
+# Plants the faults of tests/faults.toml in a copy, and says which the tests do not find.
+faults: $(VENV)/installed-dev
+	$(BIN)/python -m tools.plant_faults
 
 # Replaces the results that tests/regression has stored, and says what moved by how much.
 regression-update: $(VENV)/installed-dev

@@ -113,6 +113,23 @@ def test_scenes_of_one_structure_share_a_function(scenes):
     assert [len(group) for group in joint.groups] == [2, 1]
 
 
+@pytest.mark.parametrize(("fewest", "each"), [(100, 288), (400, 400), (2048, 576)])
+def test_scenes_share_the_rays_and_each_has_enough(scenes, monkeypatch, fewest, each):
+    """Of 576 rays each of two scenes has half, and no fewer than are enough."""
+    posed = []
+
+    def solve(problem, *_):
+        posed.append(problem)
+        raise StopIteration
+
+    monkeypatch.setattr("cloudjax_fit.joint_fitting.FEWEST_RAYS", fewest)
+    monkeypatch.setattr("cloudjax_fit.joint_fitting.solve_and_estimate", solve)
+    with pytest.raises(StopIteration):
+        joint_fit(scenes, SHARING)
+    ((group,),) = (problem.groups for problem in posed)
+    assert group.problems.known.shape == (2, each)
+
+
 def _joined(scenes, sharing=SHARING):
     joined = join(scenes, sharing)
     problems = [scene.pose() for scene in scenes]

@@ -2,10 +2,12 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from cloudjax import Rays
 from cloudjax_data import DataError
 from cloudjax_scenes.quality import REFERENCE, STANDARD, Quality
 from cloudjax_scenes.trade import fronts
@@ -14,8 +16,15 @@ from cloudjax_scenes.trade.machine import Machine
 from cloudjax_scenes.trade.measured import Measured
 from cloudjax_scenes.trade.outline import Kind, Outline
 from cloudjax_scenes.trade.page import trade_page
-from cloudjax_scenes.trade.sweep import Sweep
-from cloudjax_scenes.trade.trial import BandError, Rendered, Trial, band_error
+from cloudjax_scenes.trade.sweep import Foreseen, Sweep
+from cloudjax_scenes.trade.trial import (
+    BandError,
+    Rendered,
+    Subject,
+    Trial,
+    band_error,
+    rendered,
+)
 
 
 MENU = {"steps": (3, 6, 12, 24, 48), "nodes": (1, 3, 5), "scattering": (False, True)}
@@ -94,6 +103,50 @@ def test_errors_are_in_deviations_of_the_true_radiances():
     assert moved.w1 == moved.bias == 0
     assert moved.rmse > 1
     assert band_error(np.zeros(4), np.zeros(4)).rmse == 0
+    # Of what is seen the deviation does not matter.
+    assert band_error(np.full(4, 3.0), true).rmse == pytest.approx(1)
+
+
+def test_two_sizes_part_the_pixels_from_the_rest(monkeypatch):
+    """A render of 2 s and of 10 ms a pixel, by renders of 1000 pixels and of 250."""
+    now = [0.0]
+
+    def render(scene, rays, *_, **__):
+        now[0] += 2.0 + 0.01 * len(rays)
+        return SimpleNamespace(radiances=np.zeros((1, len(rays))))
+
+    monkeypatch.setattr("time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("cloudjax_scenes.trade.trial.render", render)
+    scene = SimpleNamespace(bands=(13,), total=lambda seen: seen)
+    lines = np.zeros((1000, 3))
+    outline = _outline(pixels=1_000_000)
+    subject = Subject("", outline, lambda _: scene, Rays(lines, lines, 0.0), lines[0])
+    found = rendered(subject, STANDARD)
+    assert (found.fixed_s, found.seconds) == pytest.approx((2.0, 10_002.0))
+    assert found.first_s == pytest.approx(12.0)
+
+
+def test_squares_of_errors_add_and_factors_of_time_multiply():
+    """Half of the time and a third of it make a sixth; what two knobs add to the square
+    of the standard's error is what each adds alone.
+    """
+
+    def trial(seconds: float, error: float, **turned) -> Trial:
+        errors = {13: BandError(0.0, error, 0.0)}
+        return Trial(replace(STANDARD, **turned), seconds, 0.0, 0.0, errors)
+
+    known = [
+        trial(6.0, 0.03),
+        trial(3.0, 0.05, steps=12),
+        trial(2.0, 0.06, nodes=1),
+        trial(9.0, 0.02, steps=48),
+    ]
+    foreseen = Foreseen.of(STANDARD, known)
+    assert foreseen(STANDARD) == pytest.approx((6.0, 0.03))
+    both = foreseen(replace(STANDARD, steps=12, nodes=1))
+    assert both == pytest.approx((1.0, np.sqrt(0.0025 + 0.0036 - 0.0009)))
+    better = foreseen(replace(STANDARD, steps=48, nodes=1))
+    assert better == pytest.approx((3.0, np.sqrt(0.0004 + 0.0036 - 0.0009)))
 
 
 KIND = Kind("weather", "physical", sunlit=False, thermal=True, shaded=False)

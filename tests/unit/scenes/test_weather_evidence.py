@@ -16,7 +16,7 @@ from cloudjax_scenes.weather_decision import (
 )
 from cloudjax_scenes.weather_evidence import SkyEvidence
 from cloudjax_scenes.weather_scene import World, open_world
-from tests.unit.scenes.test_weather_scene import SHAPE, analysis
+from tests.unit.scenes.test_weather_scene import LATITUDE, SHAPE, analysis
 
 
 SKY = {
@@ -62,6 +62,49 @@ def test_each_layer_falls_back_in_order(plain):
     assert low[4] == 0
     assert "covers on pressure levels" in found[0].said["middle"]
     assert found[4].covers["middle"] == pytest.approx(np.full(SHAPE, 0.0625), rel=1e-3)
+
+
+def test_levels_below_the_ground_have_no_cloud(plain):
+    """Cover on all levels, and ground at 6 km: only high cloud is above it."""
+    sky = SkyEvidence.of(with_fields(plain, tcc=40.0, orog=6000.0))
+    found = {layer: float(cover.max()) for layer, cover in sky.covers.items()}
+    assert found == pytest.approx({"low": 0.0, "middle": 0.0, "high": 0.4})
+
+
+def _at(cube, name, **values):
+    """The same analysis with a field of its own on each level, 0 on the others."""
+    of = [values.get(f"hpa_{int(hpa)}", 0.0) for hpa in cube.data["level"]]
+    column = np.reshape(of, (-1, 1, 1)) * np.ones(SHAPE)
+    field = cube.data[name].dims, column.astype(np.float32)
+    return replace(cube, data=cube.data.assign({name: field}))
+
+
+def test_ascent_is_upwards_and_of_its_own_level(plain):
+    """Air that rises has a pressure that falls; at 850 hPa here it sinks."""
+    cube = _at(plain, "w", hpa_850=0.5, hpa_700=-0.2, hpa_500=0.4)
+    ascent = SkyEvidence.of(cube).quantities["ascent_pa_s"]
+    np.testing.assert_allclose(ascent, 0.2, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("cape", "omega", "cover"), [(2e3, -0.5, 0.3), (2e3, 0.5, 0.0), (0.0, -0.5, 0.04)]
+)
+def test_unstable_air_that_rises_convects(plain, cape, omega, cover):
+    """Where the file tells of no convective cloud, by 2000 J/kg and 0.5 Pa/s."""
+    cube = with_fields(_at(plain, "w", hpa_500=omega, hpa_700=-omega), cape=cape)
+    sky = SkyEvidence.of(cube)
+    found = sky.quantities["deep_convection"]
+    assert found == pytest.approx(np.full(SHAPE, cover), abs=5e-3)
+    assert "ascent at 500 hPa" in sky.said["deep_convection"]
+
+
+def test_the_boundary_layer_has_the_cloud_of_the_moistest_level(plain):
+    """Of the levels of low cloud, 1000 to 700 hPa, whatever is above them."""
+    for moist, share in (("hpa_1000", 1.0), ("hpa_850", 1.0), ("hpa_700", 0.0)):
+        humid = {"hpa_1000": 50.0, "hpa_850": 50.0, "hpa_700": 50.0} | {moist: 90.0}
+        sky = SkyEvidence.of(_at(plain, "r", hpa_500=99.0, **humid))
+        found = sky.quantities["boundary_layer_share"][np.abs(LATITUDE) <= 45]
+        np.testing.assert_array_equal(found, share)
 
 
 def test_a_mean_over_hours_is_said(plain):
