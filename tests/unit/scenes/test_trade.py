@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,7 +118,7 @@ def test_two_sizes_part_the_pixels_from_the_rest(monkeypatch):
 
     monkeypatch.setattr("time.perf_counter", lambda: now[0])
     monkeypatch.setattr("cloudjax_scenes.trade.trial.render", render)
-    scene = SimpleNamespace(bands=(13,), total=lambda seen: seen)
+    scene: Any = SimpleNamespace(bands=(13,), total=lambda seen: seen)
     lines = np.zeros((1000, 3))
     outline = _outline(pixels=1_000_000)
     subject = Subject("", outline, lambda _: scene, Rays(lines, lines, 0.0), lines[0])
@@ -283,6 +284,7 @@ def test_a_front_is_kept_and_found_again(trials, tmp_path, monkeypatch):
     with pytest.raises(DataError, match="cloudjax tradeoff"):
         front_for(front.kind)
     file = keep(front)
+    assert file is not None
     found, source = front_for(front.kind)
     assert source == str(file)
     assert found.expected(_outline()) == front.expected(_outline())
