@@ -195,9 +195,8 @@ def _likely_tiles(scene: Scene, batch: _Batch, size: int) -> Iterator[Tile]:
     order = np.argsort(_kinds(met), kind="stable")
     for some, filled in tiles(order[likely[order]], size):
         # Shadows may be of cloud that no ray meets.
-        read = (
-            None if scene.shadows is not None else tuple(met[:, some].any(1).tolist())
-        )
+        asked = np.any(met[:, some], axis=1)
+        read = None if scene.shadows is not None else tuple(map(bool, asked))
         ways = _pick(batch.ways, filled)
         yield Tile(batch.index[some], sample(scene, ways, batch.textures, read))
 
