@@ -173,7 +173,7 @@ def cumulus(*, hard: bool, steps: int, nodes: int = NODES) -> Scene:
         function=CloudFunction(
             **{k: jnp.asarray(v, float) for k, v in function.items()}
         ),
-        latent=Latent.gauss_hermite(1 if hard else nodes),
+        latent=Latent.equal_shares(1 if hard else nodes),
         shell=Shell(500.0, 4000.0),
         ladders=ladders,
         thickness_m=1900.0,

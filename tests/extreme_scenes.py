@@ -191,7 +191,7 @@ class Kind:
                 **{n: p[n] for n in ("mask_gain", "threshold", "base_m", "top_m")},
                 **{n: p[n] for n in ("barrier_scale_m", "smoothing")},
             ),
-            latent=Latent.gauss_hermite(self.nodes),
+            latent=Latent.equal_shares(self.nodes),
             shell=self.shells[i],
             ladders=(
                 Ladder(Gaussian(), *self.waves_m),

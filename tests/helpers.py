@@ -134,7 +134,7 @@ def fractal_cloud(
     """A cloud of Gaussian and Worley noise in a shell."""
     return FractalCloud(
         function=cloud_function(**changes),
-        latent=Latent.gauss_hermite(nodes),
+        latent=Latent.equal_shares(nodes),
         shell=shell,
         ladders=(Ladder(Gaussian(), 20e3, 10e3), second),
         seed=3,

@@ -54,7 +54,7 @@ class Demo:
 
     def scene(self, steps: int, nodes: int) -> Scene:
         scene = dataclasses.replace(self._made_of, steps=steps).build()
-        latent = Latent.gauss_hermite(nodes)
+        latent = Latent.equal_shares(nodes)
         layers = tuple(
             dataclasses.replace(
                 layer,

@@ -106,7 +106,7 @@ class Problem:
         """
         names = [CLASS, *(name for name in cloud_classes() if name != CLASS)]
         white, one = jnp.zeros(bands), jnp.ones(bands)
-        changes = {"latent": Latent.gauss_hermite(nodes), "mask": self.mask}
+        changes = {"latent": Latent.equal_shares(nodes), "mask": self.mask}
         return Scene(
             layers=tuple(
                 Layer(

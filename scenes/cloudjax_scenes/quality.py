@@ -56,7 +56,7 @@ class Quality:
     def _layer(self, layer: Layer) -> Layer:
         cloud = layer.cloud
         if isinstance(cloud, FractalCloud):
-            cloud = replace(cloud, latent=Latent.gauss_hermite(self.nodes))
+            cloud = replace(cloud, latent=Latent.equal_shares(self.nodes))
         return replace(layer, steps=self.steps, cloud=cloud)
 
     def with_shadows(self, steps: int) -> "Quality":
@@ -98,5 +98,5 @@ def quality_attributes(
 # What a look needs, what is usual, and what others are compared with.
 DRAFT = Quality(steps=6, nodes=1)
 STANDARD = Quality()
-REFERENCE = Quality(steps=96, nodes=9)
+REFERENCE = Quality(steps=64, nodes=15)
 QUALITIES = {"draft": DRAFT, "standard": STANDARD, "reference": REFERENCE}

@@ -254,7 +254,7 @@ def _nodes(scene: Scene) -> Part:
         return Part("sub-pixel nodes", "one is as good as none", False)
 
     def single(layer: Layer) -> Layer:
-        one = Latent.gauss_hermite(1)
+        one = Latent.equal_shares(1)
         return replace(layer, cloud=replace(layer.cloud, latent=one))
 
     why = f"{most} for what pixels do not resolve; without: 1"

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from cloudjax import Latent, Occupancy, Slopes
 from cloudjax.march.march import first_surface, march
@@ -95,11 +96,43 @@ def test_the_mean_is_over_the_structures_with_their_weights():
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
-def test_the_nodes_are_those_of_a_standard_gaussian(count):
-    latent = Latent.gauss_hermite(count)
-    nodes, weights = (np.asarray(x, float) for x in (latent.nodes, latent.weights))
+def test_nodes_of_gauss_and_hermite_have_the_moments_of_a_gaussian(count):
+    nodes, weights = _float64(Latent.gauss_hermite(count))
     moments = [(weights * nodes**k).sum() for k in range(2 * min(count, 3))]
     np.testing.assert_allclose(moments, [1, 0, 1, 0, 3, 0][: len(moments)], atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_nodes_of_equal_shares_are_the_means_of_shares(count):
+    nodes, weights = _float64(Latent.equal_shares(count))
+    draws = np.sort(np.random.default_rng(0).normal(size=30_000 * count))
+    means = draws.reshape(count, -1).mean(axis=1)
+    np.testing.assert_allclose(nodes, means, atol=0.02)
+    np.testing.assert_allclose(weights, 1 / count, rtol=1e-6)
+
+
+@pytest.mark.parametrize("count", [3, 5, 9])
+def test_equal_shares_see_edges_of_thick_cloud_best(count):
+    """The mean of 1 - exp(-τΦ((v + x) / w)), τ from 0.1 to 100 and w from 0.05 to 3."""
+    random = np.random.default_rng(0)
+    depth = 10 ** random.uniform(-1, 2, 2000)
+    width = 10 ** random.uniform(-1.3, 0.5, 2000)
+    value = random.uniform(-2.5, 2.5, 2000)
+
+    def mean(nodes, weights):
+        cover = norm.cdf((value[:, None] + nodes) / width[:, None])
+        return (1 - np.exp(-depth[:, None] * cover)) @ weights
+
+    fine = np.linspace(-6, 6, 1001)
+    truth = mean(fine, norm.pdf(fine) / norm.pdf(fine).sum())
+    ours = mean(*_float64(Latent.equal_shares(count))) - truth
+    theirs = mean(*_float64(Latent.gauss_hermite(count))) - truth
+    assert ours.std() < 0.7 * theirs.std()
+    assert abs(ours.mean()) < 0.004
+
+
+def _float64(latent: Latent) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(latent.nodes, float), np.asarray(latent.weights, float)
 
 
 def test_the_transmittance_starts_at_one_and_is_the_mean_of_the_structures():

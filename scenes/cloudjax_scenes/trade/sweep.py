@@ -20,8 +20,8 @@ from cloudjax_scenes.quality import REFERENCE, STANDARD, Quality
 from .trial import Rendered, Subject, Trial
 
 
-_STEPS = (3, 6, 12, 24, 48)
-_NODES = (1, 2, 3, 5)
+_STEPS = (6, 12, 24, 48)
+_NODES = (1, 3, 5, 9)
 # Towards the sun, of the reference; more hardly change an image (shadows.md).
 _REFERENCE_SHADOWS = 12
 # Points of the front that are nearer than this, in error and time, are as good as one.

@@ -99,10 +99,14 @@ class Rendered:
         return Trial(self.quality, self.seconds, self.fixed_s, self.first_s, errors)
 
 
-def rendered(subject: Subject, quality: Quality) -> Rendered:
+def rendered(
+    subject: Subject, quality: Quality, *, repeats: int = _REPEATS
+) -> Rendered:
     """Render the subject's rays at a quality, and time it once compiled.
 
     With products, as images are rendered into files.
+
+    **Arguments:** `repeats`: of what is timed.
     """
     began = time.perf_counter()
     scene = subject.scene(quality)
@@ -117,7 +121,10 @@ def rendered(subject: Subject, quality: Quality) -> Rendered:
     radiances = dict(zip(scene.bands, values(many), strict=True))
     first_s = time.perf_counter() - began
     values(few)
-    timed = [(len(rays), _quickest(lambda r=rays: values(r))) for rays in (few, many)]
+    timed = [
+        (len(rays), _quickest(lambda r=rays: values(r), repeats))
+        for rays in (few, many)
+    ]
     fixed_s, pixel_s = _line(*timed)
     seconds = fixed_s + pixel_s * subject.outline.pixels
     return Rendered(quality, radiances, seconds, fixed_s, first_s)
@@ -134,9 +141,9 @@ def _line(few: tuple[int, float], many: tuple[int, float]) -> tuple[float, float
     return many_s - m * pixel_s, pixel_s
 
 
-def _quickest(work: Callable[[], object]) -> float:
+def _quickest(work: Callable[[], object], repeats: int) -> float:
     took = []
-    for _ in range(_REPEATS):
+    for _ in range(repeats):
         start = time.perf_counter()
         work()
         took.append(time.perf_counter() - start)

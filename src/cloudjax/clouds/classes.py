@@ -349,7 +349,7 @@ class CloudClass:
                 barrier_scale_m=jnp.asarray(self.barrier_scale_m, float),
                 smoothing=jnp.asarray(_SMOOTHING),
             ),
-            latent=Latent.gauss_hermite(),
+            latent=Latent.equal_shares(),
             shell=self.shell if movable else self.marched,
             ladders=tuple(t.ladder for t in self.textures),
             seed=seed,

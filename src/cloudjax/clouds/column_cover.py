@@ -27,6 +27,8 @@ from .visibility import unseen
 # Columns, a power of 2, and levels at which their cover is found.
 _COLUMNS = 2048
 _LEVELS = 97
+# Of the noise in a column; no march has many more steps.
+_MODES = 256
 # Nodes of the table, in equal steps of the probit of cover, and where it ends: a column
 # in a thousand is too rare to be counted.
 _NODES = 65
@@ -114,13 +116,22 @@ def _noise(
     ladders: tuple[Ladder, ...],
     altitude_m: Float[np.ndarray, " steps"],
 ) -> Float[np.ndarray, "columns steps"]:
-    """The noise in the steps of many columns."""
+    """The noise in the steps of many columns, the same ones whatever the steps.
+
+    The modes of its covariance, greatest first, hardly depend on how finely they are
+    sampled; so what chance makes of the cover does not either, and a march of more
+    steps is compared with the same cloud.
+    """
     covariance = _covariance(function, ladders, altitude_m)
     values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0))
+    # A mode is given but for its sign.
+    sign = np.where(vectors[0] < 0, -1, 1)
+    root = (vectors * sign * np.sqrt(np.maximum(values, 0)))[:, ::-1]
     # `rng` of scipy 1.15 has that name in no earlier one.
-    sobol = qmc.Sobol(len(altitude_m), seed=0)  # pyright: ignore[reportCallIssue]
-    uniform = sobol.random(_COLUMNS)
+    sobol = qmc.Sobol(  # pyright: ignore[reportCallIssue]
+        max(len(altitude_m), _MODES), seed=0
+    )
+    uniform = sobol.random(_COLUMNS)[:, : len(altitude_m)]
     return ndtri(np.clip(uniform, 1e-9, 1 - 1e-9)) @ root.T
 
 
@@ -151,7 +162,7 @@ def _covers(function, noise, altitude_m, masks, depth) -> Float[Array, " masks"]
     """The cover under each mask, by steps of this optical depth."""
     none = jnp.zeros(len(noise))
     # All noise is there: no pixel averages any of it away.
-    latent, width = Latent.gauss_hermite(1), function.smoothing**2 + none
+    latent, width = Latent.equal_shares(1), function.smoothing**2 + none
 
     def cover(mask):
         value = _value(function, noise, altitude_m, mask)

@@ -1,6 +1,7 @@
 """The soft level set: which share of a pixel's way is cloud, from CF along it."""
 
 import math
+from statistics import NormalDist
 
 import equinox as eqx
 import jax
@@ -22,8 +23,7 @@ class Latent(eqx.Module):
 
     Averaging the noise over the footprint removes variance from CF. The part that all
     points of a ray within the cloud have in common enters as a Gaussian latent,
-    radiances being averaged over its Gauss-Hermite nodes; the rest widens the level
-    set.
+    radiances being averaged over its nodes; the rest widens the level set.
 
     **Fields:** `nodes`, `weights` of the quadrature.
     """
@@ -32,8 +32,22 @@ class Latent(eqx.Module):
     weights: Float[Array, " nodes"]
 
     @staticmethod
+    def equal_shares(count: int = 5) -> "Latent":
+        """Make a node in the middle of each of so many equal shares of probability.
+
+        A node is the mean of its share: n (φ(a) - φ(b)) between quantiles a and b.
+        Radiances are nearly steps of the latent where cloud is thick, and steps are
+        met best by nodes that stand for as much each.
+        """
+        normal = NormalDist()
+        edges = [normal.inv_cdf(i / count) for i in range(1, count)]
+        density = np.array([0.0, *map(normal.pdf, edges), 0.0])
+        nodes = count * (density[:-1] - density[1:])
+        return Latent(jnp.asarray(nodes, float), jnp.full(count, 1 / count))
+
+    @staticmethod
     def gauss_hermite(count: int = 5) -> "Latent":
-        """Make so many nodes of Gauss and Hermite."""
+        """Make so many nodes of Gauss and Hermite, for what is smooth in the latent."""
         nodes, weights = np.polynomial.hermite_e.hermegauss(count)
         return Latent(
             jnp.asarray(nodes, float), jnp.asarray(weights / weights.sum(), float)

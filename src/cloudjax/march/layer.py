@@ -47,7 +47,7 @@ def class_layer(
     """
     cloud = replace(
         cloud_class.cloud(seed, movable=movable),
-        latent=Latent.gauss_hermite(nodes),
+        latent=Latent.equal_shares(nodes),
         mask=mask,
         displacements=None if displacements is None else tuple(displacements),
         fields=fields,

@@ -139,7 +139,7 @@ def test_shares_are_read_as_per_cent_or_as_numbers():
 def test_what_is_asked_travels_to_other_processes():
     asked = AskedQuality(quality="reference", shadows=3)
     found = pickle.loads(pickle.dumps(asked))
-    assert found.by_hand(STANDARD) == Quality(96, 9, shadows=3)
+    assert found.by_hand(STANDARD) == Quality(64, 15, shadows=3)
 
 
 def test_a_front_for_a_kind_that_nobody_measured_is_told(monkeypatch, tmp_path):

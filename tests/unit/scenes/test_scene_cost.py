@@ -92,7 +92,7 @@ def test_what_is_off_is_told(whole):
         scene, air=None, shadows=None, emission=None, reflective=reflective_bands(1)
     )
     single = [
-        replace(la, cloud=replace(la.cloud, latent=Latent.gauss_hermite(1)))
+        replace(la, cloud=replace(la.cloud, latent=Latent.equal_shares(1)))
         for la in scene.layers
     ]
     told = {
