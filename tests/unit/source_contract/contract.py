@@ -135,8 +135,8 @@ SOURCES: dict[str, Callable[[], AbstractCloudSource]] = {
     "detailed columns": _detailed,
     "ready columns": lambda: _columns().ready(),
 }
-# Whose tests take minutes, or that differ from another source by little.
-SLOW = ("columns", "ready columns", "detailed columns", "periodic")
+# Whose tests take minutes, and that differ from columns by little.
+SLOW = ("ready columns", "detailed columns")
 # What depends on places and is read with them. Not parameters.
 READ_WITH_PLACES = ("mask", "displacements", "fields")
 
