@@ -29,7 +29,8 @@ _OPTIONS = (
         # Parameters may move by some deviations; 50 is likely to mean 50 %.
         type=Share(below=10.0),
         help="The quickest rays and steps that put the parameters off by no more than "
-        "this share of their standard deviation, as measured (cloudjax tradeoff --fit).",
+        "this share of their standard deviation, as measured (cloudjax tradeoff "
+        "--fit).",
     ),
     click.option(
         "--max-seconds",
