@@ -162,7 +162,7 @@ def front_for(kind: FitKind) -> tuple[FitFront, str]:
 
 @ft.cache
 def _shipped() -> tuple[FitFront, ...]:
-    folder = importlib.resources.files(__package__) / "fronts"
+    folder = importlib.resources.files("cloudjax_fit.trade") / "fronts"
     # An empty folder is in no package.
     files = folder.iterdir() if folder.is_dir() else ()
     return tuple(

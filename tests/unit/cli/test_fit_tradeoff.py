@@ -1,6 +1,7 @@
 """`cloudjax tradeoff --fit`, and `cloudjax fit` by what it measures, without a fit."""
 
 import json
+import re
 from dataclasses import replace
 
 import click
@@ -79,6 +80,9 @@ def test_a_trade_of_fits_is_measured_written_and_kept(scene, trials, fits, tmp_p
     result = run("tradeoff", scene, "--fit", "--light", "paper", "-o", out)
     assert result.exit_code == 0, result.output
     assert trials == [REFERENCE, *CHOICES]
+    # Minutes for each, where nobody says.
+    left = [int(s) for s in re.findall(r"; (\d+) s left", result.output)]
+    assert 1000 < left[-1] <= left[0] <= 1800
     assert trials.subjects[0].settings.light == "paper"
     written = _written(out)
     assert written["kind"] == {"light": "paper", "statistics": "texture"}
@@ -202,6 +206,7 @@ def test_a_front_chooses_rays_and_steps(
     assert said in result.output
     assert str(known) in result.output
     assert "fitted in" in result.output
+    assert "fitted in 0 s" not in result.output
 
 
 def test_each_of_many_scenes_is_chosen_for(scene, fits, known, tmp_path):
