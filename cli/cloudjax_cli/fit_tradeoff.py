@@ -119,8 +119,9 @@ def write_fit_trade(folder: Path, front: FitFront, command: str) -> None:
 
 
 def _said(trial: FitTrial) -> str:
+    off = f"parameters off by {trial.error:.0%} of a standard deviation"
     return (
         f"{trial.quality.words}: {trial.fitted.state}, {trial.seconds:.3g} s and "
-        f"{trial.fitted.compiled_s:.0f} s to compile, parameters off by "
-        f"{trial.error:.0%} of a standard deviation"
+        f"{trial.fitted.compiled_s:.0f} s to compile, "
+        f"{off if trial.error else 'the reference'}"
     )
