@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from .fit_quality import AskedFit, fit_quality_options
 from .options import (
     bands_option,
     classes_option,
@@ -38,11 +39,7 @@ class _TestsOfAJointFit(click.Command):
 @bands_option
 @click.option("-o", "--output", required=True, metavar="DIR", help="For the results.")
 @fit_options
-@click.option(
-    "--quality",
-    type=click.Choice(["draft", "standard", "reference"]),
-    help="In place of --rays and --steps.",
-)
+@fit_quality_options
 @classes_option
 @ignore_weather_option
 @weather_mask_option
@@ -75,13 +72,18 @@ def fit(scenes, output, runner, joint, shared, tests, **chosen) -> int:
     from .many_scenes import run_scenes
     from .scene_tasks import EXIT_CODES
 
+    wanted = AskedFit.of(chosen)
     require_writable(output)
     if joint:
+        if wanted.by_front:
+            raise click.UsageError(
+                "no front is of joint fits: give --quality, or --rays and --steps"
+            )
         return _fit_together(scenes, tests, output, runner, shared, chosen)
     if shared or tests:
         option = "--shared" if shared else "--test"
         raise click.UsageError(f"{option} is of joint fits: add --joint")
-    tasks = _tasks(scenes, output, runner, chosen)
+    tasks = _tasks(scenes, output, runner, chosen, wanted)
     if len(tasks) > 1 or runner:
         return run_scenes(tasks, runner or Here(), Path(output), "Fits of scenes")
     (task,) = tasks
@@ -100,7 +102,7 @@ def _fit_together(scenes, tests, output, runner, shared, chosen) -> int:
     if len(scenes) + len(tests) < 2:
         raise click.UsageError("a joint fit needs several scenes: leave out --joint")
     sharing = read_sharing(shared)
-    tasks = _tasks((*scenes, *tests), output, None, chosen)
+    tasks = _tasks((*scenes, *tests), output, None, chosen, AskedFit())
     fits, others = tasks[: len(scenes)], tasks[len(scenes) :]
 
     from .joint_scenes import JointScenes
@@ -108,7 +110,7 @@ def _fit_together(scenes, tests, output, runner, shared, chosen) -> int:
     return JointScenes(fits, others, Path(output), sharing, chosen["resume"])()
 
 
-def _tasks(scenes, output, runner, chosen) -> list:
+def _tasks(scenes, output, runner, chosen, wanted: AskedFit) -> list:
     """The fits of all scenes, once their common options have been checked."""
     from cloudjax import load_classes
     from cloudjax_fit.settings import Settings, with_options
@@ -119,7 +121,8 @@ def _tasks(scenes, output, runner, chosen) -> list:
 
     of_inputs = "bands", "classes", "ignore_weather", "weather_mask", "resume"
     given = {name: chosen[name] for name in of_inputs}
-    options = {name: chosen[name] for name in chosen if name not in of_inputs}
+    of_front = "max_error", "max_seconds"
+    options = {n: chosen[n] for n in chosen if n not in (*of_inputs, *of_front)}
     with_options(Settings(), options)
     # Workers elsewhere have other working folders.
     located = os.path.abspath if runner else str
@@ -134,6 +137,7 @@ def _tasks(scenes, output, runner, chosen) -> list:
             located(scene),
             located(os.path.join(output, name) if several else output),
             options=options,
+            wanted=wanted,
             page=f"{name}/report.html" if several else "report.html",
             quiet=runner is not None,
             **given,

@@ -14,6 +14,7 @@ from cloudjax_fit.fit_result import FitResult
 from cloudjax_fit.fit_settings import FitSettings
 from cloudjax_fit.fitting import fit
 from cloudjax_fit.targets import Target
+from cloudjax_scenes.trade.stopwatch import Stopwatch
 from cloudjax_scenes.weather_analysis import Analysis
 
 from .interruption import Interruption
@@ -36,6 +37,7 @@ def fit_and_write(
     checkpoint: Checkpoint | None = None,
     progress: FitProgress = fit_progress,
     tell: Callable[[str], None] = click.echo,
+    watch: Stopwatch | None = None,
 ) -> dict[str, Any]:
     """Fit a target, write the results, and return the content of `fit.json`.
 
@@ -43,13 +45,15 @@ def fit_and_write(
 
     - `checkpoint`: to go on from and to write; it is removed once the fit has ended.
     - `progress`, `tell`: where steps and what came of them are shown.
+    - `watch`: to run during the fit, and not while its files are written.
 
     **Raises:** `KeyboardInterrupt` if Ctrl-C came too early or too late for the solver
     to end with the best so far.
     """
-    checkpoint = checkpoint or Checkpoint()
+    checkpoint, watch = checkpoint or Checkpoint(), watch or Stopwatch()
     with alone(folder, LOCK), Interruption() as interruption:
-        with progress(target.imagery.name, settings.max_steps) as on_step:
+        shown = progress(target.imagery.name, settings.max_steps)
+        with shown as on_step, watch.running():
             result = fit(
                 target,
                 settings=settings,

@@ -17,9 +17,12 @@ if TYPE_CHECKING:
 
 
 class Share(click.ParamType):
-    """A share, such as 2% or 0.02."""
+    """A share, such as 2% or 0.02, of less than a whole or than some."""
 
     name = "share"
+
+    def __init__(self, below: float = 1.0):
+        self._below = below
 
     def convert(self, value, param, ctx):
         if isinstance(value, float):
@@ -28,8 +31,8 @@ class Share(click.ParamType):
             number = float(value.removesuffix("%")) / (100 if "%" in value else 1)
         except ValueError:
             self.fail(f"{value!r} is not a share such as 2% or 0.02")
-        if not 0 < number < 1:
-            self.fail(f"{value!r} is not between 0 and 100 %")
+        if not 0 < number < self._below:
+            self.fail(f"{value!r} is not between 0 and {100 * self._below:.0f} %")
         return number
 
 

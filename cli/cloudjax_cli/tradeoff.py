@@ -2,6 +2,7 @@
 
 import shlex
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -13,6 +14,10 @@ from .options import (
     ignore_weather_option,
     light_option,
 )
+
+
+# To measure for where nobody says: a render takes seconds, and a fit minutes.
+_RENDERS_S, _FITS_S = 600.0, 1800.0
 
 
 @click.command()
@@ -35,33 +40,64 @@ from .options import (
     "--shadows", type=click.IntRange(0), default=0, help="Steps towards the sun."
 )
 @click.option(
+    "--fit",
+    "of_fits",
+    is_flag=True,
+    help="Scene: measure fits of it instead, with more and fewer rays and steps.",
+)
+@click.option(
+    "--statistics", help="With --fit: texture, or values alone.  [default: texture]"
+)
+@click.option(
     "--budget",
     "budget_s",
     type=Duration(),
-    default="600s",
-    show_default=True,
     help="Time to measure for; the reference and the usual quality are measured "
-    "whatever it is.",
+    "whatever it is.  [default: 600s, and 30min with --fit]",
 )
-def tradeoff(target, output, budget_s, shadows, **options) -> None:
+def tradeoff(target, output, budget_s, shadows, of_fits, statistics, **options) -> None:
     """Measure what accuracy costs, on this machine and for this kind of scene.
 
     Some of the pixels that `cloudjax render` would make are rendered with more and
     fewer steps, sub-pixel nodes and so on, each timed and compared with a reference.
     Writes tradeoff.json and tradeoff.html to DIR, and keeps the front for
-    `cloudjax render --max-error` and `--max-seconds`. Ctrl-C ends it early: what has
+    `cloudjax render --max-error` and `--max-seconds`. With --fit whole fits are made
+    and compared, for the same options of `cloudjax fit`. Ctrl-C ends it early: what has
     been measured is written.
     """
+    from cloudjax_data.whole_files import require_writable
+
+    if of_fits:
+        given = _of_fits(shadows=shadows, **options) | {"statistics": statistics}
+        require_writable(output)
+
+        from .fit_tradeoff import measure_fits
+
+        command = shlex.join(["cloudjax", "fit", target, *_given(given)])
+        measure_fits(target, Path(output), budget_s or _FITS_S, command, **given)
+        return
+    if statistics is not None:
+        raise click.UsageError("--statistics is of fits: add --fit")
+    require_writable(output)
+    _of_renders(target, Path(output), budget_s or _RENDERS_S, shadows, options)
+
+
+def _of_fits(*, bands, light, ignore_weather, **others) -> dict[str, Any]:
+    """The options that fits have, once all others are found to be absent."""
+    for name, value in others.items():
+        if value:
+            raise click.UsageError(f"--{name} is of renders: leave it or --fit out")
+    return {"bands": bands, "light": light, "ignore_weather": ignore_weather}
+
+
+def _of_renders(target, folder: Path, budget_s: float, shadows, options) -> None:
     from cloudjax_data import DataError
     from cloudjax_data.output_lock import alone
-    from cloudjax_data.whole_files import require_writable
     from cloudjax_scenes.trade.sweep import Sweep
 
     from .subjects import subject_of
     from .trade_files import gathered, write_trade
 
-    folder = Path(output)
-    require_writable(folder)
     subject = subject_of(target, shadows=shadows, **options)
     sweep = Sweep.of(subject, budget_s, shadows=shadows)
     with alone(folder, "tradeoff"):

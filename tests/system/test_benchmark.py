@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloudjax_fit.trade.quality import CHOICES, REFERENCE, STANDARD
+from tests.fit_trades import made_up_fit
+
 
 ROOT = Path(__file__).parents[2]
 
@@ -97,23 +100,27 @@ def test_the_scenes_of_promises_are_not_those_of_fronts(monkeypatch):
     assert len(cases) >= 40
 
 
-def test_fits_are_compared_in_deviations_of_what_is_determined(monkeypatch):
+def test_fits_are_tabled_beside_the_front_that_ships(monkeypatch):
+    """Double precision is in the table, and no choice of the front."""
     monkeypatch.syspath_prepend(ROOT)
     trade = importlib.import_module("benchmarks.fit_trade")
 
-    def estimate(value: float, *, determined: bool = True, log: bool = False):
-        return {"value": value, "std": 0.5, "determined": determined, "log": log}
+    def fitted(subject, quality):
+        return made_up_fit(quality, 2.0)
 
-    def fit(*estimates):
-        return {"estimates": dict(zip("abc", estimates, strict=True))}
-
-    reference = fit(
-        estimate(2.0), estimate(1.0, determined=False), estimate(2.0, log=True)
-    )
-    other = fit(estimate(3.0), estimate(9.0), estimate(4.0))
-    # Of a logarithmic one the relative change, in its relative deviation.
-    expected = 2.0, np.log(2) * 2.0 / 0.5
-    np.testing.assert_allclose(trade.moved(other, reference), expected)
+    monkeypatch.setattr(trade, "fitted", fitted)
+    monkeypatch.setattr(trade, "_doubled", lambda _: made_up_fit(STANDARD, 3.0))
+    subject = trade.package_subject("paper")
+    rows = list(trade.measured(subject, "paper"))
+    front = trade.front_of(subject, rows)
+    assert str(front.kind) == "fits in paper light by texture"
+    assert front.scene.reference.quality == REFERENCE
+    assert [trial.quality for trial in front.scene.trials] == list(CHOICES)
+    lines = trade.table(rows).splitlines()
+    assert len(lines) == 2 + 1 + len(CHOICES) + 1
+    assert lines[2].startswith("| 16384 | 48 | 32 bit |")
+    assert lines[-1].startswith("| 8192 | 24 | 64 bit |")
+    assert lines[-1].endswith("| 2.00 | 2.00 | 2.0 |")
 
 
 def test_targets_are_ratios_of_what_was_measured(monkeypatch):

@@ -163,8 +163,11 @@ def _trial(data: dict[str, Any]) -> Trial:
 # Where fronts are kept ----------------------------------------------------------------
 
 
-def own_file(kind: Kind) -> Path:
-    """Return where this machine keeps its own front of a kind, for this version."""
+def own_file(kind: object) -> Path:
+    """Return where this machine keeps its own front of a kind, for this version.
+
+    **Arguments:** `kind`: told from others by its words, such as a `Kind`.
+    """
     folder = platformdirs.user_data_path("cloudjax") / "fronts" / cloudjax.__version__
     return folder / f"{Machine.here().name}, {kind}.json".replace(" ", "_")
 

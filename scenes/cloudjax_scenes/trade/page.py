@@ -2,6 +2,7 @@
 
 import base64
 import io
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
@@ -10,8 +11,6 @@ from matplotlib.figure import Figure
 from cloudjax_scenes.html_template import html_template
 
 from .fronts import Front
-from .measured import Measured
-from .trial import Trial
 
 
 _INK, _FAINT, _LINE = "#22262b", "#8a9099", "#1d5fa6"
@@ -37,19 +36,30 @@ def trade_page(front: Front, command: str) -> str:
     return template.render(
         front=front,
         scene=scene,
-        picture=_picture(scene),
+        picture=picture(
+            scene.trials,
+            scene.best,
+            seconds_of=f"seconds for {scene.outline.pixels} pixels, once compiled",
+            error_of="RMSE over standard deviation, worst band, %",
+        ),
         command=command,
     )
 
 
-def _picture(scene: Measured) -> str:
-    """Error against seconds, as a data URI: all trials, and the front as a line."""
+def picture(
+    trials: Sequence[Any], best: Sequence[Any], *, seconds_of: str, error_of: str
+) -> str:
+    """Draw error against seconds, as a data URI: all trials, and the front as a line.
+
+    **Arguments:** `trials`, `best`: with `seconds`, `error` and `quality.words`, such
+    as a `Trial`; the others label the axes.
+    """
     with matplotlib.rc_context(_RC):
         figure = Figure(figsize=(8.2, 4.6), layout="constrained")
         axes = figure.subplots()
-        axes.scatter(*_places(scene.trials), s=18, color=_FAINT, label="measured")
-        axes.plot(*_places(scene.best), "o-", color=_LINE, label="nothing beats")
-        for trial in scene.best:
+        axes.scatter(*_places(trials), s=18, color=_FAINT, label="measured")
+        axes.plot(*_places(best), "o-", color=_LINE, label="nothing beats")
+        for trial in best:
             axes.annotate(
                 trial.quality.words.replace("--", ""),
                 (trial.seconds, _shown(trial)),
@@ -64,8 +74,8 @@ def _picture(scene: Measured) -> str:
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter("{x:g}")
         axes.margins(x=0.2, y=0.1)
-        axes.set_xlabel(f"seconds for {scene.outline.pixels} pixels, once compiled")
-        axes.set_ylabel("RMSE over standard deviation, worst band, %")
+        axes.set_xlabel(seconds_of)
+        axes.set_ylabel(error_of)
         axes.grid(visible=True, which="both", color="#eceef1", linewidth=0.6)
         axes.legend(frameon=False)
         drawn = io.BytesIO()
@@ -73,7 +83,7 @@ def _picture(scene: Measured) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(drawn.getvalue()).decode()
 
 
-def _shown(trial: Trial) -> float:
+def _shown(trial) -> float:
     return 100 * max(trial.error, _LEAST)
 
 

@@ -8,9 +8,9 @@ measured is farthest.
 
 import itertools as it
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ _LEAST_ERROR = 1e-5
 
 
 Menu = Mapping[str, Sequence[Any]]
+Choice = TypeVar("Choice", bound=Hashable)
 
 
 def menu_of(scene: Scene) -> Menu:
@@ -158,14 +159,14 @@ class Foreseen:
         return seconds, float(np.sqrt(max(square, least.error**2)))
 
 
-def front(points: Mapping[Quality, tuple[float, float]]) -> list[Quality]:
-    """List those qualities that nothing beats in seconds and error, cheapest first."""
+def front(points: Mapping[Choice, tuple[float, float]]) -> list[Choice]:
+    """List the choices that nothing beats in seconds and error, cheapest first."""
     best, kept = np.inf, []
-    for quality in sorted(points, key=lambda q: points[q]):
-        error = points[quality][1]
+    for choice in sorted(points, key=lambda one: points[one]):
+        error = points[choice][1]
         if error < best:
             best = error
-            kept.append(quality)
+            kept.append(choice)
     return kept
 
 

@@ -1,0 +1,1 @@
+"""What accuracy of fits costs: scenes fitted with many rays and steps, and chosen."""
