@@ -77,7 +77,19 @@ def if_met(
             lambda x, one: jnp.full(x.shape, one, x.dtype), shapes, missed
         )
 
-    return jax.lax.cond(met, found, nothing, *operands)
+    return found_or_missed(met, found, nothing, *operands)
+
+
+def found_or_missed(
+    met: Met,
+    found: Callable[..., _Out],
+    missed: Callable[..., _Out],
+    *operands: Any,
+) -> _Out:
+    """Find something where cloud is met; elsewhere `missed` says what holds."""
+    if met is True:
+        return found(*operands)
+    return jax.lax.cond(met, found, missed, *operands)
 
 
 def nothing_like(function: Callable[[_In], _Out], item: _In) -> _Out:

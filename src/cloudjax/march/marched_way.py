@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -14,7 +13,7 @@ from cloudjax.clouds.source import Occupancy
 from cloudjax.geometry.path import Path, Profile
 from cloudjax.light.emission import Factors
 
-from .alike import Met, any_met, if_met, nothing_like
+from .alike import Met, any_met, found_or_missed, if_met, nothing_like
 from .march import March, march
 from .order import AbstractPlace, Stretch, overlap, place
 from .scene import Layer, Scene
@@ -136,23 +135,6 @@ def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
         Stretch(start + first, path.length_m)
         for start, first, path in zip(view.start_m, begun, paths, strict=True)
     ]
-
-    def places(i):
-        for j, stretch in enumerate(stretches):
-            same = view.layer_of[i] == view.layer_of[j]
-            shells = layers[i].cloud.shell, layers[j].cloud.shell
-            yield (
-                None
-                if i == j
-                else place(
-                    stretch,
-                    layers[j].steps,
-                    stretches[i],
-                    distances[i],
-                    overlapping=not same and overlap(*shells),
-                )
-            )
-
     return [
         MarchedWay(
             layer,
@@ -162,13 +144,44 @@ def march_layers(scene: Scene, view: View) -> list[MarchedWay]:
             view.samples[i].path.length_m,
             distances[i],
             march(_occupancy(layer, samples, shares[i]), path.length_m),
-            tuple(places(i)),
+            _places(i, layers, view.layer_of, stretches, distances[i]),
             None if view.air_k is None else view.air_k[i],
         )
         for i, (layer, samples, path) in enumerate(
             zip(layers, kept, paths, strict=True)
         )
     ]
+
+
+def _places(
+    i: int,
+    layers: Sequence[Layer],
+    layer_of: Sequence[int],
+    stretches: Sequence[Stretch],
+    distance_m: Float[Array, "rays steps"],
+) -> tuple[AbstractPlace | None, ...]:
+    """Where the steps of way i lie on each way; None of itself.
+
+    **Arguments:** `layers`, `layer_of`, `stretches`: of every way. `distance_m`: of the
+    steps of way i, from where its stretch begins.
+    """
+    shell = layers[i].cloud.shell
+
+    def on(j: int) -> AbstractPlace | None:
+        if i == j:
+            return None
+        # A ray that leaves a layer and meets it again has two ways through one shell,
+        # which follow each other.
+        other = layer_of[i] != layer_of[j]
+        return place(
+            stretches[j],
+            layers[j].steps,
+            stretches[i],
+            distance_m,
+            overlapping=other and overlap(shell, layers[j].cloud.shell),
+        )
+
+    return tuple(on(j) for j in range(len(stretches)))
 
 
 def shares_of_ways(
@@ -194,7 +207,6 @@ def shares_of_ways(
 
 def _occupancy(layer: Layer, samples: Any, share: Float[Array, " rays"]) -> Occupancy:
     """The cloud of a way, none where it has no share."""
-    met = any_met(share)
 
     def found(some) -> Occupancy:
         occupancy = layer.cloud.occupancy(some, layer.steps)
@@ -205,9 +217,7 @@ def _occupancy(layer: Layer, samples: Any, share: Float[Array, " rays"]) -> Occu
     none = nothing_like(found, samples)
     weights = jnp.full_like(none.weights, 1 / none.weights.shape[0])
     missed = replace(none, weights=weights)
-    if met is True:
-        return found(samples)
-    return jax.lax.cond(met, found, lambda _: missed, samples)
+    return found_or_missed(any_met(share), found, lambda _: missed, samples)
 
 
 class Seen(eqx.Module):

@@ -89,8 +89,11 @@ class ColumnWinds(eqx.Module):
         )
         part = jnp.clip((place[2] - bottom) / jnp.maximum(top - bottom, 1.0), 0, 1)
         now = self._now(time_s)
-        below = _mean_at(now, low, corners, weights)
-        return below + part[None] * (_mean_at(now, high, corners, weights) - below)
+        below, beyond = (
+            _mean(now, [(level, *corner) for corner in corners], weights)
+            for level in (low, high)
+        )
+        return below + part[None] * (beyond - below)
 
     def _now(self, time_s) -> Float[Array, "3 levels y x"]:
         if len(self.time_s) == 1:
@@ -111,17 +114,10 @@ class ColumnWinds(eqx.Module):
 
 
 def _mean(values, corners, weights) -> Array:
+    """The weighted mean of values at corners, which index all axes but the first."""
     parts = [
-        values[:, i, j] * weight[None]
-        for (i, j), weight in zip(corners, weights, strict=True)
-    ]
-    return ft.reduce(jnp.add, parts)
-
-
-def _mean_at(values, level, corners, weights) -> Array:
-    parts = [
-        values[:, level, i, j] * weight[None]
-        for (i, j), weight in zip(corners, weights, strict=True)
+        values[(slice(None), *corner)] * weight[None]
+        for corner, weight in zip(corners, weights, strict=True)
     ]
     return ft.reduce(jnp.add, parts)
 
