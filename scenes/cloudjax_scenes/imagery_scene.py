@@ -129,7 +129,7 @@ class SceneFromImagery:
             ),
             emissive=EmissiveBands.of(emissive),
             reflection=light.reflection(),
-            emission=light.emission() if light.emission and emissive else None,
+            emission=light.emission_in(emissive),
             temperature=temperature,
             air=Air.of_bands(tuple(imagery.bands), humidity) if light.air else None,
             ground=ImagerySky.of(imagery),

@@ -1,12 +1,13 @@
 """Strategies for light, by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 
 from cloudjax import (
     AbstractReflection,
+    Band,
     CloudClass,
     EmittingSlabs,
     PlaneParallel,
@@ -40,6 +41,13 @@ class Light:
     reflection: Callable[[], AbstractReflection]
     emission: Callable[[], EmittingSlabs] | None = None
     air: bool = False
+
+    def emission_in(self, thermal: Sequence[Band]) -> EmittingSlabs | None:
+        """Make the strategy for thermal radiation.
+
+        None where no band emits, or where cloud only absorbs.
+        """
+        return self.emission() if self.emission and thermal else None
 
     def shadows(self, steps: int) -> Shadows | None:
         """Make shadows of so many steps, none for 0.

@@ -27,6 +27,7 @@ from cloudjax.air.atmosphere import temperature_k
 from cloudjax.air.gases import LEVELS_M, standard_humidity
 from cloudjax.clouds.columns import ColumnCloud
 from cloudjax.clouds.detailed_columns import width_for_detail_m
+from cloudjax.light.bands import sunlit_and_thermal
 from cloudjax.march.column_layer import column_layer
 from cloudjax_data import DataError, earth_sun_distance_au
 
@@ -132,17 +133,14 @@ class ModelWorld:
         """
         del winds
         light = self.strategy
-        sunlit = [b for b in bands if b.reflective or (day and b.sunlit)]
-        emissive = [band for band in bands if not band.reflective]
+        sunlit, emissive = sunlit_and_thermal(bands, day=day)
         layers = self._layers(sunlit, emissive, ready)
         return Scene(
             layers=layers,
             reflective=ReflectiveBands.of(sunlit, earth_sun_distance_au(time)),
             emissive=EmissiveBands.of(emissive),
             reflection=light.reflection(),
-            emission=light.emission()
-            if light.emission and emissive and self.scattering
-            else None,
+            emission=light.emission_in(emissive) if self.scattering else None,
             air=Air.of_bands([band.number for band in bands], profiles=self.profiles),
             shadows=light.shadows(self.shadows),
             ground=self.surface,

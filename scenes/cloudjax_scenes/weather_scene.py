@@ -36,6 +36,7 @@ from cloudjax import (
     load_classes,
     weather_classes,
 )
+from cloudjax.light.bands import sunlit_and_thermal
 from cloudjax_data import (
     DataError,
     WeatherSeries,
@@ -153,8 +154,7 @@ class World:
         - `day`: whether bands that emit see the sun as well.
         """
         light = self.strategy
-        sunlit = [b for b in bands if b.reflective or (day and b.sunlit)]
-        emissive = [band for band in bands if not band.reflective]
+        sunlit, emissive = sunlit_and_thermal(bands, day=day)
         numbers = [band.number for band in bands]
         return Scene(
             layers=self._layers(
@@ -163,9 +163,7 @@ class World:
             reflective=ReflectiveBands.of(sunlit, earth_sun_distance_au(time)),
             emissive=EmissiveBands.of(emissive),
             reflection=light.reflection(),
-            emission=light.emission()
-            if light.emission and emissive and self.scattering
-            else None,
+            emission=light.emission_in(emissive) if self.scattering else None,
             temperature=StandardAtmosphere() if self.air else self.temperature,
             air=Air.of_bands(numbers, profiles=self.profiles) if self.air else None,
             shadows=light.shadows(self.shadows),

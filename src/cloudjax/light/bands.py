@@ -117,6 +117,17 @@ def bands_named(*names: int | str) -> list[Band]:
     return [by_name[name] for name in names]
 
 
+def sunlit_and_thermal(
+    bands: Sequence[Band], *, day: bool = True
+) -> tuple[list[Band], list[Band]]:
+    """Return the bands that see the sun, and those that emit; some do both.
+
+    **Arguments:** `day`: whether bands that emit see the sun as well.
+    """
+    sunlit = [band for band in bands if band.reflective or (day and band.sunlit)]
+    return sunlit, [band for band in bands if not band.reflective]
+
+
 class ReflectiveBands(eqx.Module):
     """`ReflectiveBands` see reflected sunlight.
 

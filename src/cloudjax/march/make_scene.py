@@ -5,7 +5,13 @@ from collections.abc import Sequence
 from cloudjax.air.clear_air import Air
 from cloudjax.clouds.class_files import cloud_classes
 from cloudjax.clouds.classes import CloudClass
-from cloudjax.light.bands import Band, EmissiveBands, ReflectiveBands, bands_named
+from cloudjax.light.bands import (
+    Band,
+    EmissiveBands,
+    ReflectiveBands,
+    bands_named,
+    sunlit_and_thermal,
+)
 from cloudjax.light.emission import EmittingSlabs
 from cloudjax.light.ground import AbstractGround, UniformGround
 from cloudjax.light.reflectance import PlaneParallel
@@ -50,8 +56,7 @@ def make_scene(
     **Raises:** `ValueError` for a band or a class that does not exist.
     """
     chosen = bands_named(*bands)
-    sunlit = [b for b in chosen if b.reflective or (b.sunlit and not night)]
-    thermal = [band for band in chosen if not band.reflective]
+    sunlit, thermal = sunlit_and_thermal(chosen, day=not night)
     if not isinstance(cover, AbstractMask):
         cover = UniformMask.from_fraction(cover)
     networks = PlaneParallel.load()
