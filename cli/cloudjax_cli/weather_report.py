@@ -33,6 +33,6 @@ def report_on_weather(
         write_validation(aside / PAGE, found)
     for sentence in found.warnings:
         click.echo(sentence)
-    for target in found.targets:
-        click.echo(f"  {target.words}")
+    for one in found.requirements:
+        click.echo(f"  {one.words}")
     click.echo(f"  {folder / PAGE}")

@@ -21,9 +21,9 @@ from .fetch_goes import plan_goes as plan_goes
 from .fetch_item import FetchItem as FetchItem
 from .fetch_scene import ScenePlan as ScenePlan
 from .fetch_scene import plan_scene as plan_scene
-from .fixed_grid import GRID_MAPPING as GRID_MAPPING
-from .fixed_grid import cf_attributes as cf_attributes
-from .fixed_grid import fixed_grid_coordinates as fixed_grid_coordinates
+from .grid_mapping import GRID_MAPPING as GRID_MAPPING
+from .grid_mapping import cf_attributes as cf_attributes
+from .grid_mapping import fixed_grid_coordinates as fixed_grid_coordinates
 from .humidity import specific_humidity as specific_humidity
 from .lambert import LambertConic as LambertConic
 from .object_store import Link as Link

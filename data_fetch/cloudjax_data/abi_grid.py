@@ -8,7 +8,7 @@ from cloudjax.geometry.fixed_grid import FixedGrid
 from cloudjax.geometry.geodesy import GRS80, Ellipsoid
 
 from .errors import DataError
-from .fixed_grid import GRID_MAPPING
+from .grid_mapping import GRID_MAPPING
 from .packed import (
     attribute,
     counts,

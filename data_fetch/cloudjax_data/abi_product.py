@@ -19,7 +19,7 @@ from .abi_grid import SLOTS_DEG, read_fixed_grid, read_scan_angles
 from .abi_identity import middle_of_scan, read_identity
 from .abi_name import parse_abi_name
 from .errors import DataError
-from .fixed_grid import GRID_MAPPING
+from .grid_mapping import GRID_MAPPING
 from .image_plane import image_plane
 from .packed import netcdf_file, scale_and_offset
 from .satellites import position_at

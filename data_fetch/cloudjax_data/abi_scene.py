@@ -13,7 +13,7 @@ from .abi import AbiBand
 from .abi_name import SAME_SCAN
 from .calibration import ReflectiveCalibration
 from .errors import DataError
-from .fixed_grid import GRID_MAPPING, fixed_grid_coordinates
+from .grid_mapping import GRID_MAPPING, fixed_grid_coordinates
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,8 @@ from cloudjax_scenes.netcdf import write_netcdf
 from cloudjax_scenes.quality import Quality
 
 from .cautions import missing_share
-from .condensate import OBSERVED_WATER, Condensate
 from .fit_result import FitResult
+from .fitted_cloud import OBSERVED_WATER, FittedCloud
 from .parameter_file import parameters_text
 from .parameters import Parameter
 from .plain_data import plain
@@ -141,7 +141,7 @@ def fit_numbers(
             "seeds": {"seed": result.settings.seed},
             "cloud_fraction": cloud_fractions(result),
             "cloud_optical_depth": optical_depths(result),
-            "clouds": {n: _cloud_numbers(c) for n, c in condensate(result).items()},
+            "clouds": {n: _cloud_numbers(c) for n, c in fitted_clouds(result).items()},
             "bands": {
                 str(n): _band_numbers(result, n, textures.get(n))
                 for n in result.target.quantiles
@@ -173,20 +173,20 @@ def optical_depths(result: FitResult) -> dict[str, float]:
     return _named(_quartiles(image.optical_depth[(image.cloud > 0.5) & counted]))
 
 
-def condensate(result: FitResult) -> dict[str, Condensate]:
+def fitted_clouds(result: FitResult) -> dict[str, FittedCloud]:
     """What each class of the fitted clouds is made of."""
     share, counted = result.made_of.light.share, result.target.good
     return {
-        layer.name: _condensate(layer, share, depth[counted])
+        layer.name: _fitted_cloud(layer, share, depth[counted])
         for layer, depth in zip(result.scene.layers, result.image.depths, strict=True)
     }
 
 
-def _condensate(layer: Layer, share: float, depth) -> Condensate:
+def _fitted_cloud(layer: Layer, share: float, depth) -> FittedCloud:
     if not isinstance(layer.optics, ParticleOptics):
         raise TypeError(f"The layer {layer.name} has no particles to weigh.")
     particles, extinction_per_m = layer.optics.particles, layer.extinction_per_m / share
-    return Condensate(
+    return FittedCloud(
         effective_radius_um=float(particles.effective_radius_um),
         physical_extinction_per_m=float(extinction_per_m),
         water_content_g_m3=float(particles.water_content_g_m3(extinction_per_m)),
@@ -206,7 +206,7 @@ def _named(quartiles: tuple[float, float, float]) -> dict[str, float]:
     return dict(zip(("lower", "median", "upper"), quartiles, strict=True))
 
 
-def _cloud_numbers(cloud: Condensate) -> dict[str, Any]:
+def _cloud_numbers(cloud: FittedCloud) -> dict[str, Any]:
     return asdict(cloud) | {
         "optical_depth": _named(cloud.optical_depth),
         "thickness_m": cloud.thickness_m,
@@ -232,7 +232,7 @@ def fit_report(
             _band_report(result, n, images, textures.get(n))
             for n in result.target.quantiles
         ],
-        clouds=condensate(result),
+        clouds=fitted_clouds(result),
         parameters=[parameter_row(estimate) for estimate in result.estimates],
         undetermined=result.undetermined,
         warnings=result.warnings,

@@ -23,9 +23,9 @@ from cloudjax_scenes.html_template import html_template
 from cloudjax_scenes.quantity import RADIANCE, Quantity
 
 from .comparison import BandComparison, Comparison, comparison_json
-from .condensate import Condensate
 from .cover_and_tops import CloudPair
 from .figures import Curve, Stroke
+from .fitted_cloud import FittedCloud
 from .histogram import Distances, Pixels, Quantiles, sample_of
 from .texture import TexturePair
 
@@ -108,7 +108,7 @@ class FitReport:
     status: str
     converged: bool
     bands: Sequence[BandReport]
-    clouds: Mapping[str, Condensate] = field(default_factory=dict)
+    clouds: Mapping[str, FittedCloud] = field(default_factory=dict)
     parameters: Sequence[ParameterRow] = ()
     undetermined: Sequence[str] = ()
     warnings: Sequence[str] = ()

@@ -13,9 +13,9 @@ from cloudjax_fit.band_radiances import BandRadiances
 from .cold_tops import ColdTops, cold_tops, window_band
 from .cover import Covers, class_covers, compare_covers, seen_covers
 from .isccp import CloudTypes, cloud_types
+from .requirements import Requirement, requirements_of
 from .seen_earth import MOST_STRETCH, SeenEarth
 from .spectra import FinestPart, RowSpectrum, finest_part, row_spectrum
-from .targets import Target, targets_of
 from .told_sky import check_close, held_pixels, told_sky, top_pressures_hpa
 
 
@@ -61,7 +61,7 @@ class Validation:
     - `classes`: cover by the class that stops the most light, empty where the file does
       not tell.
     - `tops`: None without a window band, or without tropics.
-    - `targets`: what an Earth that could be a satellite's has to meet.
+    - `requirements`: what an Earth that could be a satellite's has to meet.
     """
 
     title: str
@@ -72,7 +72,7 @@ class Validation:
     types: CloudTypes
     bands: Sequence[SplitBand]
     tops: ColdTops | None
-    targets: Sequence[Target]
+    requirements: Sequence[Requirement]
 
     def numbers(self) -> dict[str, Any]:
         """Return all of it as plain data; None stands for what is not known."""
@@ -80,7 +80,7 @@ class Validation:
             "title": self.title,
             "facts": dict(self.facts),
             "warnings": list(self.warnings),
-            "targets": [target.numbers() for target in self.targets],
+            "targets": [one.numbers() for one in self.requirements],
             "cover": self.covers.numbers(),
             "cover_by_class": dict(self.classes),
             "isccp": self.types.numbers(),
@@ -135,7 +135,7 @@ def validate(
         types=cloud_types(fraction, seen.optical_depth[counted], top_hpa, area),
         bands=shown,
         tops=tops,
-        targets=targets_of(covers, tops, spectra),
+        requirements=requirements_of(covers, tops, spectra),
     )
 
 

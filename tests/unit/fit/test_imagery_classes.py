@@ -6,7 +6,7 @@ import pytest
 
 from cloudjax import ParticleOptics, imagery_classes
 from cloudjax_fit import embedded_target, scene_parameters
-from cloudjax_fit.condensate import OBSERVED_WATER
+from cloudjax_fit.fitted_cloud import OBSERVED_WATER
 from cloudjax_scenes import LIGHTS, SceneFromImagery
 
 

@@ -15,13 +15,13 @@ from cloudjax_data import DataError, WeatherCube
 from cloudjax_fit.validation.cold_tops import cold_tops
 from cloudjax_fit.validation.cover import class_covers, compare_covers, seen_covers
 from cloudjax_fit.validation.isccp import CLIMATOLOGY, TYPES, cloud_types
+from cloudjax_fit.validation.requirements import requirements_of
 from cloudjax_fit.validation.seen_earth import (
     MOST_STRETCH,
     SeenEarth,
     pixel_areas_m2,
 )
 from cloudjax_fit.validation.spectra import row_spectrum
-from cloudjax_fit.validation.targets import targets_of
 from cloudjax_fit.validation.told_sky import (
     check_close,
     held_pixels,
@@ -330,15 +330,15 @@ def test_targets_are_met_and_missed_by_their_numbers():
     steps = np.random.default_rng(7).standard_normal((40, 256))
     spectrum = row_spectrum(steps.cumsum(1), 10.0)
     assert spectrum is not None
-    targets = {t.what: t for t in targets_of(covers, None, {"C13": spectrum})}
+    found = {t.what: t for t in requirements_of(covers, None, {"C13": spectrum})}
     verdicts = {
         next(k for k in ("low", "middle", "high", "total") if k in what): t.met
-        for what, t in targets.items()
+        for what, t in found.items()
         if "less analysis" in what
     }
     assert verdicts == {"low": False, "middle": True, "high": False, "total": True}
-    anvils = next(t for what, t in targets.items() if "convects" in what)
+    anvils = next(t for what, t in found.items() if "convects" in what)
     assert anvils.met is None
     assert anvils.words.endswith("not told.")
-    slope = next(t for what, t in targets.items() if "C13" in what)
+    slope = next(t for what, t in found.items() if "C13" in what)
     assert slope.met

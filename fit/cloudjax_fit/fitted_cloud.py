@@ -14,8 +14,10 @@ OBSERVED_WATER = {"low_stratus": (0.03, 2.9)}
 
 
 @dataclass(frozen=True)
-class Condensate:
-    """One class of cloud. Depths are vertical, at 0.64 µm, in physical terms.
+class FittedCloud:
+    """A `FittedCloud` is what a fit says of one class of cloud, in physical terms.
+
+    Depths are vertical, at 0.64 µm.
 
     **Fields:**
 

@@ -17,8 +17,8 @@ LEAST_CORRELATION = 0.8
 
 
 @dataclass(frozen=True)
-class Target:
-    """A `Target` is a demand, and the number that an image has.
+class Requirement:
+    """A `Requirement` is what an image has to meet, and the number that it has.
 
     **Fields:**
 
@@ -59,12 +59,12 @@ class Target:
         }
 
 
-def targets_of(
+def requirements_of(
     covers: Covers, tops: ColdTops | None, spectra: Mapping[str, RowSpectrum]
-) -> list[Target]:
+) -> list[Requirement]:
     """Judge an image: covers, patterns, anvils, and the spectrum of each band."""
     points = [
-        Target(
+        Requirement(
             f"{_named(kind)}, image less analysis",
             f"within {MOST_POINTS:g} points",
             _number(covers.whole[kind].points, "+.1f", " points"),
@@ -75,7 +75,7 @@ def targets_of(
         for kind in KINDS
     ]
     patterns = [
-        Target(
+        Requirement(
             f"{_named(kind)}, pattern correlation at 2.5 degrees",
             f"at least {LEAST_CORRELATION:g}",
             _number(covers.correlation[kind], ".2f"),
@@ -86,7 +86,7 @@ def targets_of(
         for kind in KINDS
     ]
     kelvin = math.nan if tops is None else tops.coldest_where_convects_k
-    anvils = Target(
+    anvils = Requirement(
         "coldest 5 % of tropical pixels where the analysis convects",
         f"colder than {COLD_K:g} K",
         _number(kelvin, ".1f", " K"),
@@ -95,7 +95,7 @@ def targets_of(
         math.nextafter(COLD_K, 0.0),
     )
     slopes = [
-        Target(
+        Requirement(
             f"slope of the spectrum of {name}",
             "between −3 and −5/3",
             _number(one.slope, ".2f"),
