@@ -12,7 +12,7 @@ GRID_MAPPING = "goes_imager_projection"
 
 
 def cf_attributes(grid: FixedGrid) -> dict[str, Any]:
-    """The attributes of a CF-1.8 `geostationary` grid mapping variable."""
+    """Return the attributes of a CF-1.8 `geostationary` grid mapping variable."""
     a, b = grid.ellipsoid.semi_major_m, grid.ellipsoid.semi_minor_m
     return {
         "grid_mapping_name": "geostationary",

@@ -77,7 +77,7 @@ class WeatherCube:
 
     @ft.cached_property
     def known_columns(self) -> Bool[np.ndarray, "y x"]:
-        """The columns in which every required variable is given on two levels."""
+        """Tell in which columns every required variable is given on two levels."""
         height = np.isfinite(self.data["gh"].to_numpy())
         counts = [
             (height & np.isfinite(self.data[name].to_numpy())).sum(axis=0)

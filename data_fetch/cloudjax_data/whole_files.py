@@ -41,7 +41,7 @@ def require_writable(folder: str | os.PathLike[str]) -> None:
 def whole(
     path: str | os.PathLike[str], aside: str | os.PathLike[str] | None = None
 ) -> Iterator[Path]:
-    """A name to write a file under, which then takes that of `path` at once.
+    """Give a name to write a file under, which then takes that of `path` at once.
 
     If anything fails it vanishes instead, and an older file stays.
 
@@ -71,7 +71,8 @@ def write_text_whole(path: str | os.PathLike[str], text: str) -> None:
 
 @contextmanager
 def staged(folder: str | os.PathLike[str], last: str = "") -> Iterator[Path]:
-    """A folder for files that then move into `folder`, or vanish if anything fails.
+    """Give a folder for files that then move into `folder`, or vanish if anything
+    fails.
 
     **Arguments:**
 

@@ -23,8 +23,8 @@ def cautions(
     depths: Mapping[str, Float[np.ndarray, "y x"]],
     earth: Bool[np.ndarray, "y x"],
 ) -> list[str]:
-    """Sentences about parameters at bounds, absent classes of cloud, bands that tell
-    nothing and missing data, and what had to be assumed of the scene.
+    """Return sentences about parameters at bounds, absent classes of cloud, bands that
+    tell nothing, missing data, and what had to be assumed of the scene.
 
     **Arguments:**
 
@@ -51,5 +51,5 @@ def cautions(
 
 
 def missing_share(target: Target, earth: Bool[np.ndarray, "y x"]) -> float:
-    """The share of the pixels that see the Earth, `earth`, that has no data."""
+    """Return the share of the pixels that see the Earth, `earth`, that has no data."""
     return float(1 - target.block_valid.sum() / max(earth.sum(), 1))

@@ -33,7 +33,8 @@ class BandComparison:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Two sets of radiances, called `names`, in the bands that they share.
+    """A `Comparison` holds two sets of radiances, called `names`, in the bands that
+    they share.
 
     `clouds` are None where these bands do not tell them from the ground; `facts` are
     shown on top.
@@ -58,7 +59,7 @@ def compare(
     facts: Mapping[str, str] | None = None,
     warnings: Sequence[str] = (),
 ) -> Comparison:
-    """Measures how far the valid pixels of two sets of radiances are from each other.
+    """Measure how far the valid pixels of two sets of radiances are from each other.
 
     Bands that only one of them holds are left out, with a warning in the result, and so
     are the pixels that only one has of images of one area.

@@ -53,7 +53,9 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Stroke:
-    """How one sample is drawn in every figure. Dashes tell lines apart in grey."""
+    """A `Stroke` says how one sample is drawn in every figure. Dashes tell lines apart
+    in grey.
+    """
 
     color: str
     dashes: str = "-"
@@ -76,7 +78,7 @@ class Curve:
 
 
 def density_figure(curves: Sequence[Curve], label: str) -> str:
-    """Histograms of the curves, each of unit area, as an SVG data URI.
+    """Draw histograms of the curves, each of unit area, as an SVG data URI.
 
     The first curve is the reference: the axis covers it, and follows the others only
     as far again beyond it. What lies outside is stated in the legend. `label` is of the
@@ -97,7 +99,8 @@ def density_figure(curves: Sequence[Curve], label: str) -> str:
 
 
 def difference_figure(curves: Sequence[Curve], label: str) -> str:
-    """Cumulative fraction of each curve less that of the first, as an SVG data URI.
+    """Draw the cumulative fraction of each curve less that of the first, as an SVG data
+    URI.
 
     The area between a line and zero is its 1-Wasserstein distance. The axis is scaled
     for the last curve, the fit; how far another one leaves it is in the legend.
@@ -125,7 +128,7 @@ def difference_figure(curves: Sequence[Curve], label: str) -> str:
 def images_figure(
     images: Sequence[tuple[str, Num[np.ndarray, "_ _"]]], display: Display
 ) -> str:
-    """Titled images side by side on one common scale, as a PNG data URI.
+    """Draw titled images side by side on one common scale, as a PNG data URI.
 
     Pixels that are not finite are left in a pale blue that no image contains. The scale
     spans the 0.5 to 99.5 percentiles of all images together.
@@ -151,7 +154,7 @@ def images_figure(
 
 
 def texture_figure(textures: Sequence[tuple[str, Texture]], units: str) -> str:
-    """Spectra and increments of images, as an SVG data URI."""
+    """Draw spectra and increments of images, as an SVG data URI."""
     strokes = [replace(REFERENCE, width=3.0), AFTER]
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(8.4, 3.1), layout="constrained")
@@ -173,7 +176,7 @@ def texture_figure(textures: Sequence[tuple[str, Texture]], units: str) -> str:
 
 
 def history_figure(losses: Sequence[float | int | np.floating]) -> str:
-    """Loss after each step on a logarithmic scale, as an SVG data URI."""
+    """Draw the loss after each step on a logarithmic scale, as an SVG data URI."""
     loss = np.asarray(losses, float)
     # A loss of zero, or one that is not finite, has no place on the axis.
     loss = np.where(np.isfinite(loss) & (loss > 0), loss, np.nan)

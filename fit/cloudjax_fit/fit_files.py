@@ -128,7 +128,7 @@ def _textures(result: FitResult, observed: Images) -> dict[int, TexturePair]:
 def fit_numbers(
     result: FitResult, textures: Mapping[int, TexturePair] | None = None
 ) -> dict[str, Any]:
-    """The content of `fit.json`; None stands for what is not finite."""
+    """Return the content of `fit.json`; None stands for what is not finite."""
     textures = textures or {}
     return plain(
         {
@@ -158,7 +158,9 @@ def fit_numbers(
 
 
 def cloud_fractions(result: FitResult) -> dict[str, float]:
-    """Share of the pixels with data that counts as cloud, observed and simulated."""
+    """Return the share of the pixels with data that counts as cloud, observed and
+    simulated.
+    """
     seen = np.isfinite(result.image.radiance).all(axis=0) & result.target.good
     return {
         "observed": result.target.cloud_fraction,
@@ -168,13 +170,13 @@ def cloud_fractions(result: FitResult) -> dict[str, float]:
 
 
 def optical_depths(result: FitResult) -> dict[str, float]:
-    """Quartiles of the vertical optical depth at 0.64 µm of the cloudy pixels."""
+    """Return quartiles of the vertical optical depth at 0.64 µm of cloudy pixels."""
     image, counted = result.image, result.target.good
     return _named(_quartiles(image.optical_depth[(image.cloud > 0.5) & counted]))
 
 
 def fitted_clouds(result: FitResult) -> dict[str, FittedCloud]:
-    """What each class of the fitted clouds is made of."""
+    """Find what each class of the fitted clouds is made of."""
     share, counted = result.made_of.light.share, result.target.good
     return {
         layer.name: _fitted_cloud(layer, share, depth[counted])
@@ -220,7 +222,7 @@ def fit_report(
     observed_images: Images | None = None,
     textures: Mapping[int, TexturePair] | None = None,
 ) -> FitReport:
-    """What the page of a fit shows."""
+    """Gather what the page of a fit shows."""
     images, textures = observed_images or {}, textures or {}
     return FitReport(
         title=f"Fit of {result.target.imagery.name}",

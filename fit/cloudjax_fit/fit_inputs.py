@@ -70,12 +70,12 @@ class FitInputs:
 
     @property
     def analysis(self) -> Analysis | None:
-        """The weather of the hour, where the folder has it."""
+        """Give the weather of the hour, where the folder has it."""
         return self.made_of.analysis
 
     @property
     def overrides(self) -> dict[str, Mapping[str, Any]]:
-        """Those changes of parameters that concern the scene."""
+        """Give those changes of parameters that concern the scene."""
         return overrides_for(self.settings, self.made_of)
 
 
@@ -144,12 +144,12 @@ def _classes(
 
 
 def folder_settings(folder: SceneFolder) -> Settings:
-    """The settings in a folder's `scene.toml`."""
+    """Read the settings in a folder's `scene.toml`."""
     return read_settings(folder.settings, str(folder.path / "scene.toml"))
 
 
 def default_bands(folder: SceneFolder) -> tuple[int, ...]:
-    """The bands to use when nobody says which, as far as the folder has them."""
+    """Return the bands to use when nobody says which, as far as the folder has them."""
     if not folder.bands:
         return DAY_BANDS
     some = _some_band(folder)
@@ -176,8 +176,8 @@ def _some_band(folder: SceneFolder) -> AbiBand:
 
 
 def read_analysis(folder: SceneFolder, scene: AbiScene) -> Analysis | None:
-    """The folder's weather analysis that holds most of the scene, and of several the
-    nearest in time; None without any.
+    """Read the folder's weather analysis that holds most of the scene, and of several
+    the nearest in time; None without any.
 
     **Raises:** `DataError` if none serves: unreadable, hours away or of another place.
     """

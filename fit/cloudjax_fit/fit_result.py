@@ -19,7 +19,7 @@ CONVERGED, NOT_CONVERGED, INTERRUPTED = "converged", "not converged", "interrupt
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
-    """What a fit found.
+    """A `FitResult` is what a fit found.
 
     **Fields:**
 
@@ -55,7 +55,7 @@ class FitResult:
 
     @property
     def state(self) -> str:
-        """How it ended, in a word or two."""
+        """Say how it ended, in a word or two."""
         return state_of(self.converged, self.interrupted)
 
 

@@ -16,7 +16,7 @@ VALUES, TEXTURE = STATISTICS = "values", "texture"
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How a fit is done.
+    """`FitSettings` say how a fit is done.
 
     **Fields:**
 

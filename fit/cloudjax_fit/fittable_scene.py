@@ -62,12 +62,12 @@ class FittableScene:
 
     @property
     def name(self) -> str:
-        """What the scene is called."""
+        """Give what the scene is called."""
         return self.target.imagery.name
 
     @property
     def free(self) -> list[Parameter]:
-        """The parameters that a fit may move."""
+        """Give the parameters that a fit may move."""
         return [p for p in self.parameters if p.free]
 
     def pose(self, rays: int | None = None) -> Problem:

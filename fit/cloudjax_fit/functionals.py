@@ -20,7 +20,7 @@ MOST_PAIRS = 1_000_000
 
 
 class Pairs(eqx.Module):
-    """Pairs of pixels of one distance, for several distances.
+    """`Pairs` are pairs of pixels of one distance, for several distances.
 
     **Fields:** `first`, `second`: numbers of pixels; `known`: 1, or 0 for a pair that
     fills a row up.
@@ -73,7 +73,7 @@ def image_pairs(
 
 
 class Pixels(eqx.Module):
-    """Pixels of an observed image, or the rays of a fit.
+    """`Pixels` are those of an observed image, or the rays of a fit.
 
     **Fields:**
 
@@ -91,7 +91,7 @@ class Pixels(eqx.Module):
 
 
 class Deposits(eqx.Module):
-    """What goes into the histograms of a functional.
+    """`Deposits` are what goes into the histograms of a functional.
 
     **Fields:** `values`, `weights` and `block` of each, by row.
     """
@@ -114,7 +114,7 @@ class AbstractFunctional(eqx.Module):
 
 
 class Values(AbstractFunctional):
-    """Radiances, band by band."""
+    """`Values` are radiances, band by band."""
 
     def __call__(self, pixels: Pixels) -> Deposits:
         """Take the radiances of cloud."""
@@ -126,7 +126,7 @@ class Values(AbstractFunctional):
 
 
 class CrossBands(AbstractFunctional):
-    """Sums and differences of two bands.
+    """`CrossBands` are sums and differences of two bands.
 
     **Fields:** `terms`: rows of two bands and the sign of the second.
     """
@@ -156,7 +156,8 @@ class CrossBands(AbstractFunctional):
 
 
 class Increments(AbstractFunctional):
-    """Differences of pixels at each lag, on a scale that shows small and large ones.
+    """`Increments` are differences of pixels at each lag, on a scale that shows small
+    and large ones.
 
     Rows are bands by lags, first of pairs that are cloud at both ends, then of those
     that are at one end at least.

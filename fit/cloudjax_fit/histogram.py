@@ -22,7 +22,7 @@ def _floating(x) -> Array:
 
 
 class Bins(eqx.Module):
-    """Uniform bins over the radiances of one band.
+    """`Bins` divide the radiances of one band into equal parts.
 
     `low` and `high` are the outer edges, in the units of the radiances. One `Bins` may
     hold several bands (`low` and `high` of shape `[bands]`) for use under `jax.vmap`.
@@ -43,19 +43,19 @@ class Bins(eqx.Module):
 
     @property
     def width(self) -> Float[Array, "*bands"]:
-        """Width of one bin."""
+        """Give the width of one bin."""
         return (self.high - self.low) / self.count
 
     @property
     def edges(self) -> Float[Array, "*bands edges"]:
-        """Edges of the bins, from `low` to `high`."""
+        """Give the edges of the bins, from `low` to `high`."""
         return jnp.linspace(self.low, self.high, self.count + 1, axis=-1)
 
 
 def spline_histogram(
     values: Float[Array, " n"], weights: Float[Array, " n"], bins: Bins
 ) -> Float[Array, " bins"]:
-    """Deposits each weight on the three bins nearest to its value.
+    """Deposit each weight on the three bins nearest to its value.
 
     The shares are a quadratic B-spline of the distance to their centres (the
     "triangular-shaped cloud" of Hockney & Eastwood 1988, section 5-3). They conserve
@@ -81,7 +81,7 @@ def deposit(
     block: Int[Array, " n"],
     blocks: int,
 ) -> Float[Array, "{blocks} bins"]:
-    """Deposits as `spline_histogram`, in a histogram for each block of the image."""
+    """Deposit as `spline_histogram`, in a histogram for each block of the image."""
     unseen = (weights == 0) & ~jnp.isfinite(values)
     values = jnp.where(unseen, bins.low, values)
     position = (values - bins.low) / bins.width - 0.5
@@ -101,7 +101,8 @@ def deposit(
 
 
 def cumulative(histogram: Float[Array, " bins"]) -> Float[Array, " bins"]:
-    """Cumulative histogram over its total weight: rises to 1 in the last bin.
+    """Return the cumulative histogram over its total weight: it rises to 1 in the last
+    bin.
 
     The mean absolute difference of two of these, times the span of the bins, is the
     1-Wasserstein distance of the binned values. A histogram without weight gives zeros,
@@ -136,7 +137,7 @@ class Quantiles:
             raise ValueError("the values of a quantile table never decrease")
 
     def equal_weights(self, size: int = 4000) -> Float[np.ndarray, " {size}"]:
-        """`size` values of equal weight with this distribution."""
+        """Return `size` values of equal weight with this distribution."""
         # Midpoints in probability keep the mean of the piecewise linear function.
         middle = (np.arange(size) + 0.5) / size
         return np.interp(middle, self.probabilities, self.values)
@@ -147,7 +148,7 @@ Pixels: TypeAlias = Num[np.ndarray, " _"] | Num[Array, " _"]
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Radiances of pixels with their weights, all finite, in float64.
+    """A `Sample` holds radiances of pixels with their weights, all finite, in float64.
 
     `count` is the number of pixels behind it, which exceeds the number of `values` when
     these come from a quantile table.
@@ -159,24 +160,26 @@ class Sample:
 
     @property
     def mean(self) -> float:
-        """Weighted mean."""
+        """Give the weighted mean."""
         return float(np.average(self.values, weights=self.weights))
 
     @property
     def std(self) -> float:
-        """Weighted standard deviation of the population."""
+        """Give the weighted standard deviation of the population."""
         variance = np.average((self.values - self.mean) ** 2, weights=self.weights)
         return math.sqrt(variance)
 
     def cdf(self, at: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        """Fraction of the weight that lies at or below each of `at`."""
+        """Return the fraction of the weight that lies at or below each of `at`."""
         order = np.argsort(self.values)
         mass = np.concatenate([[0.0], np.cumsum(self.weights[order])])
         below = np.searchsorted(self.values[order], at, side="right")
         return mass[below] / mass[-1]
 
     def quantile(self, probability: float) -> float:
-        """Smallest value that has `probability` of the weight at or below it."""
+        """Return the smallest value that has `probability` of the weight at or below
+        it.
+        """
         order = np.argsort(self.values)
         mass = np.cumsum(self.weights[order])
         index = np.searchsorted(mass, probability * mass[-1])
@@ -186,7 +189,7 @@ class Sample:
 def sample_of(
     source: Pixels | Quantiles, weights: Pixels | None = None, name: str = "sample"
 ) -> Sample:
-    """Brings pixels or a quantile table into the form that statistics are taken of.
+    """Bring pixels or a quantile table into the form that statistics are taken of.
 
     Pixels of weight 0 are left out, whatever they hold.
 
@@ -218,7 +221,7 @@ def sample_of(
 def quantiles(
     values: Pixels, count: int = 1001, weights: Pixels | None = None
 ) -> Quantiles:
-    """Reduces pixels to `count` quantiles, evenly spaced from minimum to maximum.
+    """Reduce pixels to `count` quantiles, evenly spaced from minimum to maximum.
 
     With `weights`, each pixel stands for the part of the distribution that its weight
     is of all.
@@ -240,7 +243,7 @@ def quantiles(
 
 @dataclass(frozen=True)
 class Distances:
-    """How far a simulated sample is from an observed one.
+    """`Distances` say how far a simulated sample is from an observed one.
 
     - `w1`: 1-Wasserstein distance, in radiance units.
     - `w1_over_std`: the same over the standard deviation of the observed sample; NaN
@@ -265,7 +268,7 @@ def distances(
     simulated: Pixels | Quantiles,
     simulated_weights: Pixels | None = None,
 ) -> Distances:
-    """Compares two samples of radiances in the same units, pixels or quantile tables.
+    """Compare two samples of radiances in the same units, pixels or quantile tables.
 
     Raises `ValueError` when either is empty or not finite.
     """

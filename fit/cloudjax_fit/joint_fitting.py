@@ -29,7 +29,7 @@ _COMMON = "light", "statistics", "starts", "max_steps", "seed"
 
 @dataclass(frozen=True, eq=False)
 class TestedScene:
-    """A scene that was not fitted, seen with the clouds of others.
+    """A `TestedScene` was not fitted; it is seen with the clouds of others.
 
     **Fields:**
 
@@ -46,7 +46,9 @@ class TestedScene:
 
     @property
     def cloud_fractions(self) -> dict[str, float]:
-        """Share of the good pixels that counts as cloud, observed and in `image`."""
+        """Return the share of the good pixels that counts as cloud, observed and in
+        `image`.
+        """
         target = self.scene.target
         simulated = float(self.image.cloud[target.good].mean())
         return {"observed": target.cloud_fraction, "simulated": simulated}
@@ -54,7 +56,7 @@ class TestedScene:
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """What a joint fit found.
+    """A `JointFit` is what a joint fit found.
 
     **Fields:**
 
@@ -74,17 +76,17 @@ class JointFit:
 
     @property
     def settings(self) -> FitSettings:
-        """How it was done; rays and steps are those of the first scene."""
+        """Tell how it was done; rays and steps are those of the first scene."""
         return self.scenes[0].settings
 
     @property
     def state(self) -> str:
-        """How it ended, in a word or two."""
+        """Say how it ended, in a word or two."""
         return state_of(self.solution.converged, self.solution.interrupted)
 
     @property
     def shared(self) -> dict[str, Estimate]:
-        """What was found of the parameters in common, by name."""
+        """Give what was found of the parameters in common, by name."""
         names = self.joined.shared
         return {
             e.parameter.name: e for e in self.estimates if e.parameter.name in names

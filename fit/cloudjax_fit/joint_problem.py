@@ -36,7 +36,8 @@ class _Alike(eqx.Module):
 
 
 class JointProblem(AbstractProblem):
-    """The problems of several scenes, with some parameters in common.
+    """A `JointProblem` has the problems of several scenes, with some parameters in
+    common.
 
     **Fields:**
 

@@ -129,7 +129,7 @@ class Problem(AbstractProblem):
 def simulate(
     problem: Problem, values: Float[Array, " parameters"]
 ) -> tuple[Float[Array, "bands rays"], Float[Array, " rays"]]:
-    """Radiances of the rays and the share of each that is selected as cloud."""
+    """Return the radiances of the rays, and the share of each that counts as cloud."""
     seen = _seen(values, problem)
     scene = problem.parameters.put(problem.scene, values)
     weights = problem.rule.weights(seen, scene)

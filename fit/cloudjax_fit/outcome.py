@@ -20,7 +20,7 @@ STATES = (*GOOD, NOT_CONVERGED, INTERRUPTED, FAILED, FAULT, NOT_DONE)
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one scene.
+    """An `Outcome` is what became of one scene.
 
     **Fields:**
 

@@ -25,7 +25,7 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of a scene that may be fitted.
+    """A `Parameter` is one number of a scene that may be fitted.
 
     **Fields:**
 
@@ -58,22 +58,22 @@ class Parameter:
         return self.lower - slack <= value <= self.upper + slack
 
     def scaled(self, value):
-        """The value on the parameter's own scale, where its prior is Gaussian."""
+        """Return a value on the parameter's own scale, where its prior is Gaussian."""
         return jnp.log(value) if self.log else value
 
     def unbounded(self, value: float) -> float:
-        """The inverse of `value`."""
+        """Invert `value`."""
         middle, slope = self.logistic
         return (self._logit(value) - middle) / slope
 
     @property
     def centre(self) -> float:
-        """The middle of the prior, on the parameter's own scale."""
+        """Give the middle of the prior, on the parameter's own scale."""
         return math.log(self.default) if self.log else self.default
 
     @property
     def logistic(self) -> tuple[float, float]:
-        """Logit of the default, and how much of it a prior's deviation is."""
+        """Give the logit of the default, and how much of it a prior's deviation is."""
         low, high = self.ends
         middle = self._logit(self.default)
         share = 1 / (1 + math.exp(-middle))
@@ -94,14 +94,15 @@ class Parameter:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The bounds on the parameter's own scale."""
+        """Give the bounds on the parameter's own scale."""
         if self.log:
             return math.log(self.lower), math.log(self.upper)
         return self.lower, self.upper
 
 
 class Parameters(eqx.Module):
-    """Parameters of a fit as arrays: scenes of one structure share compiled functions.
+    """`Parameters` of a fit are arrays: scenes of one structure share compiled
+    functions.
 
     **Fields:**
 
@@ -180,7 +181,9 @@ def values_of(
 def unbounded_of(
     parameters: Sequence[Parameter], values: Mapping[str, float] | None = None
 ) -> Float[Array, " parameters"]:
-    """Starting numbers of a solver; parameters that `values` lacks start as default."""
+    """Return starting numbers of a solver; parameters that `values` lacks start as
+    default.
+    """
     values = values or {}
     return jnp.asarray(
         [p.unbounded(values.get(p.name, p.default)) for p in parameters], float
@@ -190,7 +193,7 @@ def unbounded_of(
 def with_overrides(
     parameters: Sequence[Parameter], overrides: Mapping[str, Mapping]
 ) -> list[Parameter]:
-    """Parameters with defaults, bounds, priors or freedom changed by a user.
+    """Return parameters with defaults, bounds, priors or freedom changed by a user.
 
     **Raises:** `ValueError` for a parameter or a key that does not exist.
     """

@@ -18,5 +18,5 @@ class Phases:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Seconds by phase, and in all."""
+        """Give the seconds by phase, and in all."""
         return {**self._phases, "total": self._last - self._started}

@@ -39,8 +39,8 @@ class RayChoice:
 
     @property
     def draw(self) -> Int[np.ndarray, " rays"]:
-        """Which draw of the clouds each pixel sees: that of the anchor of its cluster,
-        whatever else is chosen.
+        """Tell which draw of the clouds each pixel sees: that of the anchor of its
+        cluster, whatever else is chosen.
         """
         members = 2 * len(self.lags) + 1
         return np.repeat(self.pixels[::members] % DRAWS, members)

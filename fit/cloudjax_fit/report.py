@@ -39,7 +39,9 @@ FIRST_THERMAL_BAND = 7
 
 @dataclass(frozen=True, eq=False)
 class WeightedPixels:
-    """Simulated radiances with the weights of their pixels; None for equal weights."""
+    """`WeightedPixels` are simulated radiances with the weights of their pixels; None
+    for equal weights.
+    """
 
     values: Pixels
     weights: Pixels | None = None
@@ -47,7 +49,7 @@ class WeightedPixels:
 
 @dataclass(frozen=True, eq=False)
 class BandReport:
-    """One band of a fit.
+    """A `BandReport` has what the page of a fit shows of one band.
 
     - `name`: such as "C13 10.3 µm"; `units`: those of all radiances here.
     - `observed`: radiances of the selected pixels, or their quantile table.
@@ -73,7 +75,8 @@ class BandReport:
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One fitted parameter. Numbers that are not known are None or NaN.
+    """A `ParameterRow` is one fitted parameter. Numbers that are not known are None or
+    NaN.
 
     `determined` says whether the data, rather than the prior or the bounds, set it.
     """
@@ -93,7 +96,7 @@ class ParameterRow:
 
 @dataclass(frozen=True, eq=False)
 class FitReport:
-    """All that the page of a fit shows.
+    """A `FitReport` has all that the page of a fit shows.
 
     - `scene`: facts in the order in which they are shown.
     - `status`: one sentence; `converged` and `interrupted` decide how it is marked.
@@ -120,7 +123,7 @@ class FitReport:
 
 
 def write_fit_report(path: str | os.PathLike[str], report: FitReport) -> None:
-    """Writes the page of a fit to `path`, whole or not at all."""
+    """Write the page of a fit to `path`, whole or not at all."""
     page = _Page(
         title=report.title,
         facts=report.scene,
@@ -134,7 +137,7 @@ def write_fit_report(path: str | os.PathLike[str], report: FitReport) -> None:
 
 
 def write_comparison(path: str | os.PathLike[str], comparison: Comparison) -> None:
-    """Writes the page of a comparison to `path`, and its numbers beside it as JSON.
+    """Write the page of a comparison to `path`, and its numbers beside it as JSON.
 
     The second file has the name of the first with the suffix `.json`.
     """
@@ -153,7 +156,7 @@ def write_comparison(path: str | os.PathLike[str], comparison: Comparison) -> No
 
 
 def format_number(number: Real | None, digits: int = 3) -> str:
-    """`digits` significant figures, or a dash for what is absent or not finite.
+    """Return `digits` significant figures, or a dash for what is absent or not finite.
 
     Figures before the decimal point are never rounded away: 15999 is no 16000.
     """
@@ -170,7 +173,7 @@ def format_number(number: Real | None, digits: int = 3) -> str:
 
 
 def format_with_std(value: Real | None, std: Real | None) -> str:
-    """A value and its standard deviation to the same decimal place.
+    """Return a value and its standard deviation to the same decimal place.
 
     The value has 3 significant figures: more where the deviation would otherwise
     vanish, fewer where they would go beyond the second figure of the deviation.

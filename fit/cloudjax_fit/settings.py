@@ -79,7 +79,7 @@ _PARAMETER = {
 
 @dataclass(frozen=True)
 class Settings:
-    """What a user may set, checked and typed.
+    """`Settings` are what a user may set, checked and typed.
 
     **Fields:**
 
@@ -102,7 +102,7 @@ class Settings:
 
 @data_errors()
 def read_settings(content: Mapping[str, Any], source: str) -> Settings:
-    """Settings from the content of a `scene.toml`.
+    """Read settings from the content of a `scene.toml`.
 
     **Raises:** `DataError` for a section or key that is unknown or of the wrong type.
     """
@@ -131,7 +131,7 @@ def read_settings(content: Mapping[str, Any], source: str) -> Settings:
 
 @data_errors()
 def with_options(settings: Settings, options: Mapping[str, Any]) -> Settings:
-    """Settings with those of the fit replaced that the command line gives.
+    """Return settings with those of the fit replaced that the command line gives.
 
     `quality` stands for rays and steps.
 
@@ -155,7 +155,7 @@ def _of_quality(quality: Any, given: Mapping[str, Any]) -> Mapping[str, int]:
 
 
 def cloud_rule(settings: Settings, bands: Sequence[int]) -> CloudRule | None:
-    """The rule that the settings ask for, None for the default of the scene.
+    """Return the rule that the settings ask for, None for the default of the scene.
 
     **Raises:** `DataError` if the rule needs a band that is not used, or a threshold
     for which there is no default.

@@ -54,7 +54,7 @@ def _rules(path) -> dict[str, bool]:
 
 @dataclass(frozen=True)
 class JoinedParameters:
-    """The parameters of several scenes, each shared one once.
+    """`JoinedParameters` are those of several scenes, each shared one once.
 
     **Fields:**
 

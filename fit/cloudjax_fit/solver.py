@@ -40,7 +40,8 @@ OnStep = Callable[[int, float], None]
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """How far a solver has come from one start, and all that it needs to go on.
+    """`Progress` is how far a solver has come from one start, and all that it needs to
+    go on.
 
     **Fields:**
 
@@ -103,7 +104,8 @@ class Solution:
 
 
 class Solver:
-    """A compiled Levenberg-Marquardt solver for problems of one structure.
+    """A `Solver` is a Levenberg-Marquardt solver, compiled for problems of one
+    structure.
 
     One step is compiled, and repeated from the host: a function that calls back to the
     host could not be kept by JAX's compilation cache. The step of the latest structure

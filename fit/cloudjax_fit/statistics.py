@@ -32,7 +32,7 @@ _NONE = 1e-6
 
 
 class AbstractStatistic(eqx.Module):
-    """Numbers of all pixels, by way of sums.
+    """A statistic describes all pixels by numbers that are found by way of sums.
 
     **Fields:** `observed`: the sums of the observed image, block by block.
     """
@@ -55,7 +55,7 @@ class AbstractStatistic(eqx.Module):
 
 
 class Histograms(AbstractStatistic):
-    """Cumulative histograms of a functional.
+    """`Histograms` are the cumulative histograms of a functional.
 
     **Fields:** `functional`; `bins` and `scale` of each of its rows.
     """
@@ -81,7 +81,7 @@ class Histograms(AbstractStatistic):
 
 
 class Ratios(AbstractStatistic):
-    """Ratios of two sums: mean squares, and shares."""
+    """`Ratios` are ratios of two sums: mean squares, and shares."""
 
     def numbers(self, sums: Float[Array, "rows 2"]) -> Float[Array, " rows"]:
         """Return scaled logarithms of the ratios."""
@@ -90,7 +90,7 @@ class Ratios(AbstractStatistic):
 
 
 class MeanSquares(Ratios):
-    """Mean squares of the increments of all pairs, by band and lag."""
+    """`MeanSquares` are those of the increments of all pairs, by band and lag."""
 
     observed: Float[Array, "blocks rows 2"]
 
@@ -102,7 +102,7 @@ class MeanSquares(Ratios):
 
 
 class EdgeShares(Ratios):
-    """How often just one of two pixels is cloud, by lag."""
+    """`EdgeShares` tell how often just one of two pixels is cloud, by lag."""
 
     observed: Float[Array, "blocks rows 2"]
 
@@ -115,7 +115,7 @@ class EdgeShares(Ratios):
 
 
 class Coverage(AbstractStatistic):
-    """The share of the sky that is cloud."""
+    """The `Coverage` is the share of the sky that is cloud."""
 
     observed: Float[Array, "blocks 1 2"]
 
@@ -145,7 +145,7 @@ def _by_block(of_pairs: Float[Array, "bands lags pairs"], known, pixels, blocks:
 
 
 class Statistics(eqx.Module):
-    """All that a fit compares.
+    """`Statistics` are all that a fit compares.
 
     **Fields:**
 
@@ -161,7 +161,7 @@ class Statistics(eqx.Module):
 
     @property
     def all(self) -> tuple[AbstractStatistic, ...]:
-        """Every one, the coverage last."""
+        """List every one, the coverage last."""
         return (*self.parts, self.coverage)
 
     def sums(self, pixels: Pixels, blocks: int) -> list[Float[Array, "blocks _ _"]]:

@@ -18,7 +18,7 @@ from .statistics import Coverage, Statistics
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """An observed scene, reduced.
+    """A `Target` is an observed scene, reduced to what a fit compares.
 
     **Fields:**
 
@@ -37,26 +37,26 @@ class Target:
 
     @property
     def block_valid(self) -> Int[np.ndarray, " blocks"]:
-        """Good pixels of each block."""
+        """Give the number of good pixels of each block."""
         block = block_of_pixels(self.imagery.grid.shape, self.blocks)
         count = self.blocks[0] * self.blocks[1]
         return np.bincount(block[self.good.reshape(-1)], minlength=count)
 
     @property
     def block_cloud(self) -> Float[np.ndarray, " blocks"]:
-        """Cloud of each block, in pixels."""
+        """Give the cloud of each block, in pixels."""
         return np.asarray(self._coverage.observed, float)[:, 0, 0]
 
     @property
     def block_share(self) -> Float[np.ndarray, " blocks"]:
-        """The share of each block's pixels that is good."""
+        """Give the share of each block's pixels that is good."""
         block = block_of_pixels(self.imagery.grid.shape, self.blocks)
         pixels = np.bincount(block, minlength=len(self.block_valid))
         return self.block_valid / np.maximum(pixels, 1)
 
     @property
     def cloud_fraction(self) -> float:
-        """Cloud over good pixels."""
+        """Give cloud over good pixels."""
         return float(self.block_cloud.sum() / self.good.sum())
 
     def distances(self, image: SimulatedImage) -> dict[int, Distances]:

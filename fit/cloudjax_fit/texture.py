@@ -20,7 +20,7 @@ FEWEST_ROWS = 16
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """How much an image varies, scale by scale.
+    """A `Texture` tells how much an image varies, scale by scale.
 
     **Fields:**
 
@@ -80,19 +80,19 @@ def _increment(values, counted, lag: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TexturePair:
-    """The textures of two images of one shape, the reference first."""
+    """A `TexturePair` is of two images of one shape, the reference first."""
 
     reference: Texture
     other: Texture
 
     @property
     def power_ratio_db(self) -> Float[np.ndarray, " octaves"]:
-        """How much more power the other one has; NaN where either has none."""
+        """Tell how much more power the other one has; NaN where either has none."""
         return 10 * _log10_ratio(self.other.power, self.reference.power)
 
     @property
     def increment_ratio(self) -> Float[np.ndarray, " lags"]:
-        """How much larger increments of the other one are; NaN where one has none."""
+        """Tell how much larger increments of the other are; NaN where one has none."""
         return 10 ** _log10_ratio(self.other.increment, self.reference.increment)
 
     def numbers(self) -> dict[str, list[float | None]]:

@@ -39,7 +39,7 @@ AT_BOUND = 0.01
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted parameter.
+    """An `Estimate` is a fitted parameter and how sure it is.
 
     **Fields:**
 
@@ -65,7 +65,8 @@ def estimate(
     *,
     seed: int,
 ) -> tuple[list[Estimate], list[str]]:
-    """Values with standard deviations, and in words what the data do not determine.
+    """Return values with standard deviations, and in words what the data do not
+    determine.
 
     **Arguments:** `parameters`: those of the problem; `quarters`: of the Jacobian of
     the solution, `Solver.quarters`.

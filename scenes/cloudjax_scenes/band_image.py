@@ -34,12 +34,12 @@ class BandImage:
 
     @property
     def title(self) -> str:
-        """Such as "C13 10.3 µm"."""
+        """Give the title, such as "C13 10.3 µm"."""
         return f"{self.band.name} {self.band.wavelength_um:.3g} µm"
 
     @property
     def looked_at(self) -> Quantity:
-        """The quantity that people look at."""
+        """Give the quantity that people look at."""
         return REFLECTANCE if self.band.reflective else BRIGHTNESS_TEMPERATURE
 
     @property
@@ -51,7 +51,7 @@ class BandImage:
 
     @property
     def shown(self) -> Float[np.ndarray, "*pixels"]:
-        """Reflectance factor πL/E, or brightness temperature in kelvin.
+        """Return the reflectance factor πL/E, or the brightness temperature in kelvin.
 
         Both as satpy has them, but for the factor instead of per cent: it is not
         divided by the cosine of the solar zenith angle.
@@ -62,7 +62,7 @@ class BandImage:
         return EmissiveCalibration(**planck).brightness_temperature_k(self.radiance)
 
     def variables(self, quantities: Sequence[Quantity]) -> dict[str, xr.DataArray]:
-        """Those of the quantities that the band has, with their CF attributes."""
+        """Return the quantities that the band has of these, with CF attributes."""
         return {
             f"{quantity.variable}_{self.band.name}": self._array(quantity)
             for quantity in quantities
@@ -90,7 +90,7 @@ class BandImage:
 def chosen_quantities(
     names: Sequence[str], bands: Iterable[Band]
 ) -> tuple[Quantity, ...]:
-    """The quantities of these names that some band has; `ALL` names all.
+    """Return the quantities of these names that some band has; `ALL` names all.
 
     **Raises:** `DataError` for a quantity that none of the bands has.
     """

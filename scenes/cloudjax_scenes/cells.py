@@ -13,7 +13,9 @@ LEAST_DEG = 0.03
 
 
 class Cells:
-    """A regular grid of latitude and longitude, and averages of pixels over it."""
+    """`Cells` are a regular grid of latitude and longitude, over which pixels are
+    averaged.
+    """
 
     def __init__(self, latitude_deg, longitude_deg, step_deg):
         self.latitude_deg = latitude_deg

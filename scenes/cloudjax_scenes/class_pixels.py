@@ -33,7 +33,7 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class ClassPixels:
-    """The pixels of a class of cloud.
+    """`ClassPixels` are the pixels of a class of cloud.
 
     **Fields:** `own`: those that show it; `seen`: those that would if it were there.
     """

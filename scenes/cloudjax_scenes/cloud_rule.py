@@ -60,7 +60,7 @@ class CloudRule:
         reflectance: Mapping[int, Float[np.ndarray, "*pixels"]],
         temperature_k: Mapping[int, Float[np.ndarray, "*pixels"]],
     ) -> Bool[np.ndarray, "*pixels"]:
-        """The cloud pixels of an image; NaN is never cloud."""
+        """Select the cloud pixels of an image; NaN is never cloud."""
         parts = []
         if self.bright_band is not None:
             parts.append(reflectance[self.bright_band] > self.bright_reflectance)
@@ -71,7 +71,7 @@ class CloudRule:
     def weights(
         self, radiance: Float[Array, "bands rays"], scene: Scene
     ) -> Float[Array, " rays"]:
-        """The softly selected share of each pixel.
+        """Return the softly selected share of each pixel.
 
         **Arguments:** `radiance`: in each of `scene.bands`; of the scene, the bands are
         all that counts.
@@ -98,7 +98,7 @@ class CloudRule:
 
 
 def default_rule(bands: list[int], *, day: bool) -> CloudRule:
-    """The rule that a set of bands allows.
+    """Return the rule that a set of bands allows.
 
     **Raises:** `ValueError` if none of the bands tells cloud from surface.
     """

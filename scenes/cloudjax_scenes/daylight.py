@@ -17,7 +17,7 @@ _POINTS = 50
 
 
 def sun_heights_deg(grid: FixedGrid, time: datetime) -> tuple[float, float]:
-    """The lowest and the highest sun over the pixels that see the Earth.
+    """Return the lowest and the highest sun over the pixels that see the Earth.
 
     Below the horizon is negative; NaN if no pixel sees the Earth.
     """

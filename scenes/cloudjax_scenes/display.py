@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Display:
-    """How the images of a band are shown: the label of their values, and the shades.
+    """A `Display` says how images of a band are shown: the label of their values, and
+    shades.
 
     Thermal images are drawn with cold, that is small values, in white, as
     meteorologists do: clouds are bright in every band.

@@ -32,7 +32,7 @@ def image_dataset(
     quality: Quality,
     asked: str = "",
 ) -> xr.Dataset:
-    """A CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`.
+    """Make a CF-1.8 Dataset with `radiance_C01` ... and `cloud_weight` on `(y, x)`.
 
     **Arguments:**
 
@@ -112,7 +112,7 @@ def write_image_and_picture(
 
 
 def band_images(image: SimulatedImage, imagery: Imagery) -> list[BandImage]:
-    """The radiances of each band, in the order of their numbers."""
+    """Return the radiances of each band, in the order of their numbers."""
     return [
         BandImage(
             imagery.bands[number], imagery.coefficients(number), image.band(number)

@@ -35,7 +35,7 @@ _CHUNK = 512
 
 
 def strips(sensor: Sensor, pixels: int = PIXELS_AT_ONCE) -> list[Sensor]:
-    """The sensor in strips of whole rows; a camera is one strip."""
+    """Cut the sensor into strips of whole rows; a camera is one strip."""
     view = sensor.view
     if not isinstance(view, FixedGrid):
         return [sensor]

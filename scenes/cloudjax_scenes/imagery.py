@@ -28,7 +28,7 @@ from .imagery_evidence import ClassEvidence
 
 @dataclass(frozen=True, eq=False)
 class Imagery:
-    """An observed scene.
+    """`Imagery` is an observed scene.
 
     **Fields:**
 
@@ -67,17 +67,17 @@ class Imagery:
 
     @property
     def sunlit(self) -> list[Band]:
-        """The bands that see the sun."""
+        """Give the bands that see the sun."""
         return [band for band in self.bands.values() if band.sunlit]
 
     @property
     def emissive(self) -> list[Band]:
-        """The bands that emit."""
+        """Give the bands that emit."""
         return [band for band in self.bands.values() if not band.reflective]
 
     @property
     def empty_scene(self) -> Scene:
-        """A scene of these bands and nothing else, to say what radiances mean."""
+        """Give a scene of these bands and nothing else, to say what radiances mean."""
         return Scene(
             layers=(),
             reflective=ReflectiveBands.of(self.sunlit, self.earth_sun_distance_au),

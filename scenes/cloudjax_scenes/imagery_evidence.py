@@ -55,7 +55,7 @@ class ClassEvidence:
 
     @property
     def fields(self) -> CoarseFields:
-        """For the clouds of the class."""
+        """Give the fields that the clouds of the class follow."""
         grid = LatLonGrid.from_axes(self.latitude_deg, self.longitude_deg)
         return CoarseFields(jnp.asarray(self.nodes, float), grid)
 

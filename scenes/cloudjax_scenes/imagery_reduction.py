@@ -54,7 +54,7 @@ ASSUMED_PIXELS = 8
 
 @dataclass(frozen=True, eq=False)
 class ReducedScene:
-    """A scene's imagery and the pixels that it was reduced from.
+    """A `ReducedScene` is a scene's imagery and the pixels that it was reduced from.
 
     **Fields:**
 

@@ -72,7 +72,9 @@ class SceneFromImagery:
 
     @property
     def classes(self) -> tuple[CloudClass, ...]:
-        """Those that the imagery shows, one for each layer, and as high as there."""
+        """Give the classes that the imagery shows, one for each layer, and as high as
+        there.
+        """
         evidence = self.imagery.evidence if self.placed else {}
         found = [self.available[name] for name in self.imagery.fractions]
         return tuple(
@@ -82,12 +84,12 @@ class SceneFromImagery:
 
     @property
     def available(self) -> Mapping[str, CloudClass]:
-        """All classes that the scene may have, by name."""
+        """Give all classes that the scene may have, by name."""
         return self.light.imagery_classes() if self.known is None else self.known
 
     @property
     def notes(self) -> list[str]:
-        """What the weather leaves open, in sentences."""
+        """Say what the weather leaves open, in sentences."""
         return [] if self.analysis is None else self.analysis.notes(self.imagery)
 
     def build(self) -> Scene:
@@ -137,7 +139,7 @@ class SceneFromImagery:
 
     @property
     def fields(self) -> dict[str, CoarseFields]:
-        """What clouds are like from place to place, by class."""
+        """Tell what clouds are like from place to place, by class."""
         return {name: told.fields for name, told in self.imagery.evidence.items()}
 
     def _masks(self) -> list[MaskGrid]:

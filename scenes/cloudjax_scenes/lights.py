@@ -22,7 +22,7 @@ from cloudjax_data import DataError
 
 @dataclass(frozen=True)
 class Light:
-    """A strategy for light, and what extinction means to it.
+    """A `Light` is a strategy for light, and what extinction means to it.
 
     **Fields:**
 

@@ -82,17 +82,17 @@ class ModelWorld:
 
     @property
     def strategy(self) -> Light:
-        """The strategy for light."""
+        """Give the strategy for light."""
         return light_named(self.light)
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Names of the files that it is made of."""
+        """Give the names of the files that it is made of."""
         return tuple(self.columns.sources)
 
     @ft.cached_property
     def classes(self) -> Mapping[str, ColumnCloud]:
-        """The clouds of each phase that has some."""
+        """Give the clouds of each phase that has some."""
         columns = self.columns
         return MappingProxyType(
             {
@@ -163,8 +163,8 @@ class ModelWorld:
 
     @ft.cached_property
     def surface(self) -> Surface:
-        """The ground, as warm as the lowest air, in its wind; beyond the model as at
-        its edge.
+        """Give the ground, as warm as the lowest air, in its wind; beyond the model as
+        at its edge.
         """
         air = self.columns.air
         if air is None:
@@ -180,8 +180,8 @@ class ModelWorld:
 
     @ft.cached_property
     def profiles(self) -> ProfileGrid | None:
-        """The air of the columns, above its top the US standard atmosphere; None for
-        the latter alone.
+        """Give the air of the columns, above its top the US standard atmosphere; None
+        for the latter alone.
         """
         air = self.columns.air
         if air is None:

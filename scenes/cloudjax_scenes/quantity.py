@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Quantity:
-    """One of them.
+    """A `Quantity` is one of those that files and pictures show.
 
     **Fields:**
 
@@ -26,7 +26,7 @@ class Quantity:
 
     @property
     def variable(self) -> str:
-        """The name of its variables, up to the band's."""
+        """Give the name of its variables, up to the band's."""
         return self.name.replace("-", "_")
 
 
@@ -44,7 +44,7 @@ _VARIABLE = re.compile(
 
 
 def parse_variable(name: str) -> tuple[Quantity, int] | None:
-    """Quantity and band of a variable such as `radiance_C13`, None for others."""
+    """Return quantity and band of a variable as `radiance_C13`, None for others."""
     found = _VARIABLE.match(name)
     if found is None:
         return None

@@ -22,7 +22,7 @@ from cloudjax.march.shadows import Shades
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of the model.
+    """A `Part` is a part of the model.
 
     **Fields:**
 
@@ -45,7 +45,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a part costs.
+    """A `Cost` is what a part costs.
 
     **Fields:**
 

@@ -45,7 +45,7 @@ LEAST_FRACTION = 0.05
 
 @dataclass(frozen=True, eq=False)
 class SensorImage:
-    """A rendered frame, on the pixels of the sensor.
+    """A `SensorImage` is a rendered frame, on the pixels of the sensor.
 
     **Fields:**
 
@@ -78,7 +78,7 @@ class SensorImage:
         return [self.band(number) for number in self.radiance]
 
     def band(self, number: int) -> BandImage:
-        """The radiances of a band, with its coefficients of that date."""
+        """Return the radiances of a band, with its coefficients of that date."""
         band = self.sensor.bands[number]
         distance = earth_sun_distance_au(self.time)
         return BandImage(band, band.coefficients(distance), self.radiance[number])
@@ -181,7 +181,7 @@ def sensor_dataset(
     world: World | ModelWorld,
     quantities: Sequence[Quantity] = (RADIANCE,),
 ) -> xr.Dataset:
-    """A CF-1.8 Dataset with radiances, or other quantities, and cloud products.
+    """Make a CF-1.8 Dataset with radiances, or other quantities, and cloud products.
 
     On `(y, x)` of the geostationary projection for a fixed grid, with latitudes and
     longitudes on `(y, x)` for a camera, whose `x` and `y` count pixels.
@@ -233,7 +233,7 @@ def _coordinates(image: SensorImage) -> dict[str, xr.DataArray]:
 def write_picture(
     path: str | os.PathLike[str], bands: Sequence[BandImage], title: str
 ) -> None:
-    """Grey panels of bands as PNG: white is bright, or cold."""
+    """Write grey panels of bands as PNG: white is bright, or cold."""
     write_band_picture(path, bands, title, panel_inches=7.0, missing="#10141a")
 
 

@@ -50,7 +50,7 @@ _TARGET_OPTIONAL = {"roll_deg": NUMBER, "target_altitude_m": NUMBER}
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """A sensor that needs no file of radiances.
+    """A `Sensor` needs no file of radiances.
 
     **Fields:**
 
@@ -65,7 +65,7 @@ class Sensor:
     bands: Mapping[int, Band]
 
     def choose(self, numbers: Sequence[int] | None) -> list[Band]:
-        """Its bands of these numbers, or all.
+        """Return its bands of these numbers, or all.
 
         **Raises:** `DataError` for one that it lacks.
         """
@@ -85,7 +85,8 @@ def read_sensor(
     subsatellite_longitude_deg: float | None = None,
     centre: tuple[float, float] | None = None,
 ) -> Sensor:
-    """A sensor by name, or from a TOML file (`docs/formats.md`, section Sensors).
+    """Return a sensor by name, or from a TOML file (`docs/formats.md`, section
+    Sensors).
 
     **Arguments:**
 

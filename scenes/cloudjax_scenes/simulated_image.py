@@ -15,7 +15,7 @@ from .lights import light_of
 
 @dataclass(frozen=True, eq=False)
 class SimulatedImage:
-    """All pixels of imagery, simulated.
+    """A `SimulatedImage` has all pixels of imagery, simulated.
 
     **Fields:**
 
@@ -38,7 +38,7 @@ class SimulatedImage:
 
     @property
     def on_earth(self) -> Bool[np.ndarray, "y x"]:
-        """The pixels that see the Earth."""
+        """Tell which pixels see the Earth."""
         return np.isfinite(self.radiance[0])
 
     def band(self, number: int) -> Float[np.ndarray, "y x"]:

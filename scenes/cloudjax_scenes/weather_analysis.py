@@ -31,7 +31,7 @@ MAP_STEP_DEG = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A weather analysis, ready for a scene.
+    """An `Analysis` is a weather analysis, ready for a scene.
 
     **Fields:**
 
@@ -91,7 +91,7 @@ class Analysis:
         return profile, humidity
 
     def fractions(self, conditions: Conditions) -> Float[np.ndarray, "lat lon"]:
-        """Cloud fraction of a class by the decision of the paper's Table 1.
+        """Return the cloud fraction of a class by the decision of the paper's Table 1.
 
         **Raises:** `DataError` where the analysis does not reach that high.
         """
@@ -148,7 +148,7 @@ def _displacement(
 
 
 def wind_at(series: WeatherSeries, altitude_m: float, origin: datetime) -> Wind:
-    """The wind at an altitude, on a clock that starts at a time."""
+    """Return the wind at an altitude, on a clock that starts at a time."""
     # Where the level is within a mountain, the air does not move.
     eastward, northward = (np.nan_to_num(w) for w in series.winds(altitude_m))
     data = series.cubes[0].data

@@ -190,7 +190,9 @@ def decision_named(name: str) -> CoverDecision:
 def fractions_at(
     level, conditions: Conditions, omega_sign: float = -1.0
 ) -> Float[np.ndarray, "lat lon"]:
-    """Cloud fraction of a class from the weather at its altitude; NaN under ground."""
+    """Return the cloud fraction of a class from the weather at its altitude; NaN under
+    ground.
+    """
     humidity, temperature, omega = (
         jnp.asarray(level[name].to_numpy(), float) for name in ("r", "t", "w")
     )

@@ -70,7 +70,7 @@ _LEVELS_M = np.arange(0.0, 16e3, 500.0)
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Weather and what is made of it.
+    """A `World` is weather and what is made of it.
 
     **Fields:**
 
@@ -130,12 +130,12 @@ class World:
 
     @property
     def strategy(self) -> Light:
-        """The strategy for light."""
+        """Give the strategy for light."""
         return light_named(self.light)
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Names of the files that it is made of."""
+        """Give the names of the files that it is made of."""
         return tuple(cube.path.name for cube in self.series.cubes)
 
     def scene(
@@ -254,12 +254,12 @@ class World:
 
     @ft.cached_property
     def profiles(self) -> ProfileGrid:
-        """The air of the first analysis."""
+        """Give the air of the first analysis."""
         return profiles_of(self.series.cubes[0])
 
     @ft.cached_property
     def temperature(self) -> TemperatureGrid:
-        """The temperature of the first analysis, for scenes without air."""
+        """Give the temperature of the first analysis, for scenes without air."""
         cube = self.series.cubes[0]
         levels = [cube.at_altitude(float(z))["t"].to_numpy() for z in _LEVELS_M]
         nodes = _filled(np.stack(levels, axis=-1))
@@ -281,7 +281,7 @@ def open_world(
     decision: str | CoverDecision = "evidence",
     **settings,
 ) -> World:
-    """A world from files.
+    """Make a world from files.
 
     **Arguments:**
 

@@ -1,4 +1,5 @@
-"""A differentiable renderer of deterministic, fractal, three-dimensional clouds.
+"""`cloudjax` is a differentiable renderer of deterministic, fractal, three-dimensional
+clouds.
 
 What `__init__.pyi` lists is imported when it is first asked for, so that the parts
 which need no jax (`cloudjax.geometry.fixed_grid`, for one) load none.

@@ -1,4 +1,4 @@
-"""Parameters of a scene by path, such as "layers.low_stratus.extinction_per_m".
+"""A parameter of a scene has a path, such as "layers.low_stratus.extinction_per_m".
 
 A path is the way of attributes from the scene to an array: layers by their name,
 elements of an array by index, as in "reflective.gain.0". It may begin with a layer's

@@ -1,4 +1,4 @@
-"""Work for all cores: numpy and XLA let other threads run."""
+"""Work is shared among all cores: numpy and XLA let other threads run."""
 
 import os
 from collections import deque
@@ -14,7 +14,9 @@ Result = TypeVar("Result")
 
 
 def each(jobs: Iterable[Job], work: Callable[[Job], Result]) -> Iterator[Result]:
-    """Results in order, of as many jobs at once as there are cores, and one more."""
+    """Return results in order, of as many jobs at once as there are cores, and one
+    more.
+    """
     workers = _count()
     waiting: deque = deque()
     precision = jax.config.jax_enable_x64  # pyright: ignore[reportAttributeAccessIssue]

@@ -16,7 +16,8 @@ PACKAGES = (
 )
 FILES = sorted(path for folder in PACKAGES for path in (ROOT / folder).rglob("*.py"))
 # A sentence that begins so has lost its subject and its verb.
-FRAGMENTS = ("of ", "that of ", "as ", "with ", "from ", "per ", "over ", "where ")
+OPENINGS = "of", "that of", "as", "such as", "with", "from", "per", "over", "where"
+FRAGMENTS = tuple(f"{opening} " for opening in OPENINGS)
 
 
 def _public(body: list[ast.stmt]) -> Iterator[ast.FunctionDef | ast.ClassDef]:

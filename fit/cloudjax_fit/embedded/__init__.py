@@ -14,7 +14,7 @@ FILE = "goes17_m1_20191027T2000.nc"
 
 
 def embedded_target() -> Target:
-    """The target of the demonstration."""
+    """Return the target of the demonstration."""
     resource = importlib.resources.files(__name__) / FILE
     with importlib.resources.as_file(resource) as path:
         return read_target(path)

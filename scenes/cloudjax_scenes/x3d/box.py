@@ -53,12 +53,12 @@ class Box:
 
     @ft.cached_property
     def axes(self) -> Float[np.ndarray, "3 3"]:
-        """The unit vectors to the east, to the north and upwards, ECEF."""
+        """Give the unit vectors to the east, to the north and upwards, ECEF."""
         return np.asarray(east_north_up(self.latitude_deg, self.longitude_deg))
 
     @ft.cached_property
     def origin_m(self) -> Float[np.ndarray, "3"]:
-        """The centre on the ground, ECEF."""
+        """Give the centre on the ground, ECEF."""
         place = np.array([self.latitude_deg]), np.array([self.longitude_deg])
         return ecef(*place, np.zeros(1))[0]
 

@@ -57,7 +57,7 @@ class SeenCloud:
 
     @property
     def column_depth(self) -> Float[np.ndarray, " rays"]:
-        """Optical depth of the box along each ray."""
+        """Give the optical depth of the box along each ray."""
         # Of nothing at all numpy counts whole numbers.
         return np.bincount(self.ray, self.depth, len(self.opacity)).astype(float)
 

@@ -290,7 +290,7 @@ class _Place(eqx.Module):
     def read(
         self, values: Float[Array, "*bands rays levels"]
     ) -> Float[Array, "*bands rays steps"]:
-        """Linear between the levels."""
+        """Interpolate values linearly between the levels."""
         # Bands come last, so that one read fetches them all. XLA would work the values
         # out anew for each read.
         table = jnp.moveaxis(values.reshape(-1, *values.shape[-2:]), 0, -1)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Prior:
-    """How far a parameter may go from its default, and how likely that is.
+    """A `Prior` says how far a parameter may go from its default, and how likely that
+    is.
 
     **Fields:**
 
@@ -32,7 +33,8 @@ class Prior:
 
 @dataclass(frozen=True)
 class ClassParameter:
-    """A number of a class of cloud that a fit may move, in physical terms.
+    """A `ClassParameter` is a number of a class of cloud that a fit may move, in
+    physical terms.
 
     **Fields:**
 

@@ -1,4 +1,4 @@
-"""Classes of cloud: when each is there, its shape, its wind, particles and priors.
+"""Classes of cloud have conditions, a shape, a wind, particles and priors.
 
 One definition serves scenes over weather and fits to imagery. The four classes of
 Schinder et al. (2024), Table 1, are in `classes.toml`, what fits start from in
@@ -174,7 +174,7 @@ class CloudClass:
 
     @property
     def shell(self) -> Shell:
-        """The air that the class stands in."""
+        """Give the air that the class stands in."""
         c = self.conditions
         return Shell(float(c.shell_bottom_m), float(c.shell_top_m))
 
@@ -207,14 +207,14 @@ class CloudClass:
 
     @property
     def own_infrared_ratio(self) -> float | None:
-        """The absorption ratio where it is a number of its own; None where it follows
+        """Give the absorption ratio if it is a number of its own; None if it follows
         from the particles.
         """
         return self.absorption_ratio if self._listed("infrared_ratio") else None
 
     @property
     def parameters(self) -> tuple[ClassParameter, ...]:
-        """All that a fit may move, in physical terms, with bounds and priors."""
+        """List all that a fit may move, in physical terms, with bounds and priors."""
         found = [
             ClassParameter(
                 key,

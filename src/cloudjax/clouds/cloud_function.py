@@ -69,7 +69,7 @@ class CloudFunction(eqx.Module):
     def rise(
         self, altitude_m: Float[Array, "rays steps"]
     ) -> Float[Array, "rays steps"]:
-        """The part of ∇CF per metre that the barriers make, along the vertical."""
+        """Return what the barriers make of ∇CF per metre, along the vertical."""
         below, above = self._barriers(altitude_m)
         return (below - above) / self.barrier_scale_m
 

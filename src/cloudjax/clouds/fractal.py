@@ -1,4 +1,4 @@
-"""Fractal clouds: the soft level set of the cloud function in its shell."""
+"""Fractal clouds are the soft level set of the cloud function in its shell."""
 
 import functools as ft
 from dataclasses import replace
@@ -40,7 +40,7 @@ _FARTHEST = 3.0
 
 
 class FractalCloud(AbstractCloudSource):
-    """A class of fractal clouds in its shell.
+    """A `FractalCloud` is a class of fractal clouds in its shell.
 
     **Fields:**
 
@@ -106,7 +106,7 @@ class FractalCloud(AbstractCloudSource):
     def frames(
         self,
     ) -> tuple[Float[np.ndarray, "rungs 3 3"], Float[np.ndarray, "rungs 3"]]:
-        """How positions [m] become positions in the noise [periods], and shifts."""
+        """Tell how positions [m] become positions in the noise [periods] and shifts."""
         return frames(self.ladders, self.seed)
 
     def drawn_anew(self, number: int) -> "FractalCloud":

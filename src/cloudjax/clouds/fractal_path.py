@@ -117,7 +117,7 @@ class FractalPath(eqx.Module):
         return jnp.einsum("roka,rokp->roap", strain, gradient, precision="highest")
 
     def stretched(self, ladders: tuple[int, ...]) -> Float[Array, "some #rays"]:
-        """By how much the wind has raised the square of a gradient."""
+        """Return by how much the wind has raised the square of a gradient."""
         if self.strain is None:
             return jnp.ones((len(ladders), 1))
         square = jnp.sum(self.strain**2, axis=(2, 3)) / 3

@@ -104,7 +104,7 @@ class Rung:
 
     @property
     def power(self) -> float:
-        """Its variance at an amplitude of 1; it is 1 where the noise has one band."""
+        """Give its variance at an amplitude of 1; it is 1 where noise has one band."""
         return float(self.spectrum[1].sum())
 
     @property

@@ -1,4 +1,4 @@
-"""Arrays of the host: numpy's, and what JAX puts in their place when it compiles."""
+"""Arrays of the host are numpy's, or what JAX puts in their place when it compiles."""
 
 from types import ModuleType
 from typing import TYPE_CHECKING, Any

@@ -130,7 +130,7 @@ class FixedGrid:
 
     @property
     def step_rad(self) -> float:
-        """The distance between neighbouring columns or, of a single one, rows."""
+        """Give the distance between neighbouring columns or, of a single one, rows."""
         angles = self.x_rad if len(self.x_rad) > 1 else self.y_rad
         span = abs(float(angles[-1]) - float(angles[0]))
         return span / max(len(angles) - 1, 1)
@@ -154,7 +154,7 @@ class FixedGrid:
         )
 
     def coarsened(self, factor: int) -> "FixedGrid":
-        """The grid of blocks of `factor` by `factor` pixels.
+        """Return the grid of blocks of `factor` by `factor` pixels.
 
         **Raises:** `ValueError` when the blocks do not fill the grid.
         """

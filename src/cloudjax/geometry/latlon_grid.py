@@ -185,8 +185,8 @@ class LatLonGrid(eqx.Module):
         latitude_deg: Float[AnyArray, "*points"],
         longitude_deg: Float[AnyArray, "*points"],
     ) -> list[Float[AnyArray, "..."]]:
-        """Interpolate some fields to the same places, as `sample` does one; channels
-        they need not have.
+        """Interpolate some fields to the same places, as `sample` does one; they may
+        have no channels.
         """
         if any(isinstance(nodes, Tracer) for nodes in fields):
             latitude_deg = jnp.asarray(latitude_deg)

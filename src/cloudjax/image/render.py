@@ -1,4 +1,4 @@
-"""Whole images: a loop on the host over tiles of rays, around the pure functions.
+"""Whole images are rendered by a loop over tiles of rays, around the pure functions.
 
 Tiles are of rays that are read alike. In one piece XLA would fuse the reads of noise
 into all that uses them, and repeat them. A tile fits the cache, which is too little
@@ -51,7 +51,7 @@ _TILES_IN_JOB = 16
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """All rays of a sensor, rendered.
+    """An `Image` has all rays of a sensor, rendered.
 
     **Fields:** `radiances`, `clouds`: host arrays, in the order of the rays; no
     `clouds` where not asked.
@@ -77,7 +77,7 @@ class Tile:
 
 @dataclass(frozen=True, eq=False)
 class PreparedImage:
-    """The views of a whole image, tile by tile, for many renders of it.
+    """A `PreparedImage` has the views of a whole image, tile by tile, for many renders.
 
     No parameter of the clouds changes them.
     """
@@ -94,7 +94,7 @@ def prepare(
     rays: int | None = None,
     tile: int | None = None,
 ) -> PreparedImage:
-    """Do once what of an image no parameter of the clouds changes.
+    """Do once all work on an image that no parameter of the clouds changes.
 
     `render` takes the result in place of the rays; arguments as there. It holds the
     samples of all rays: some hundred bytes for each layer and ray.

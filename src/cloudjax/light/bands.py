@@ -29,7 +29,7 @@ _SOLAR = ("solar_irradiance_w_m2_um", "solar_irradiance_mw_m2_cm")
 
 @dataclass(frozen=True)
 class Band:
-    """One band of a sensor, and what radiance means in it.
+    """A `Band` is one band of a sensor, and says what radiance means in it.
 
     **Fields:**
 
@@ -64,7 +64,7 @@ class Band:
 
     @property
     def name(self) -> str:
-        """Such as "C02"."""
+        """Give the name, such as "C02"."""
         return f"C{self.number:02d}"
 
     @property

@@ -1,4 +1,4 @@
-"""What the particles of a cloud do to light in the bands of a scene.
+"""The particles of a cloud absorb and scatter light in the bands of a scene.
 
 `ParticleOptics` follow the size of particles; `GivenOptics` are numbers, for clouds
 that no particles are known of. All is per extinction of the cloud, so that how much

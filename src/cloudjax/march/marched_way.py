@@ -221,7 +221,7 @@ def _occupancy(layer: Layer, samples: Any, share: Float[Array, " rays"]) -> Occu
 
 
 class Seen(eqx.Module):
-    """What the light looking back meets of all ways, one in front of the other.
+    """`Seen` is what lines of sight meet of all ways, one in front of the other.
 
     **Fields:**
 
@@ -251,7 +251,7 @@ def seen_first(ways: Sequence[MarchedWay]) -> Seen:
 
 
 def top_altitude_m(ways: Sequence[MarchedWay], first: Seen) -> Float[Array, " rays"]:
-    """Mean altitude of the first surface; 0 where nothing is met."""
+    """Return the mean altitude of the first surface; 0 where nothing is met."""
     height = total = jnp.zeros_like(ways[0].path.length_m)
     for way, stopped in zip(ways, first.steps, strict=True):
         height = height + (stopped * way.altitude_m).sum(-1)

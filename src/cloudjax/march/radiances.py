@@ -1,4 +1,4 @@
-"""What rays see of a scene: pure functions of the scene and of a view."""
+"""Rays see radiances and clouds, by pure functions of a scene and of a view."""
 
 import functools as ft
 from collections.abc import Sequence
@@ -140,7 +140,7 @@ def _cloudy(
 
 
 def under_air(source, transmittance, background, path, gain):
-    """Cloud over the background, beneath the air above the cloud.
+    """Put cloud over the background, beneath the air above the cloud.
 
     The background is as seen from above the atmosphere and already holds the air's
     share. Beside the Earth it is black and holds none: cloud then hides what there is

@@ -72,7 +72,7 @@ class BandRadiances(eqx.Module):
 
 
 class Scene(eqx.Module):
-    """All that is seen, but for where from: a pytree of arrays.
+    """A `Scene` is all that is seen, but for where from: a pytree of arrays.
 
     **Fields:**
 
@@ -103,12 +103,12 @@ class Scene(eqx.Module):
 
     @property
     def shells(self) -> tuple[Shell, ...]:
-        """The air that holds the cloud of each layer."""
+        """Give the air that holds the cloud of each layer."""
         return tuple(layer.cloud.shell for layer in self.layers)
 
     @property
     def shell(self) -> Shell:
-        """The air that holds all cloud."""
+        """Give the air that holds all cloud."""
         shells = self.shells
         if not shells:
             return Shell(0.0, 10e3)
@@ -116,7 +116,9 @@ class Scene(eqx.Module):
 
     @property
     def bands(self) -> tuple[int, ...]:
-        """Numbers, each once: bands that see the sun, then those that only emit."""
+        """Give the numbers of the bands, each once: those that see the sun, then those
+        that only emit.
+        """
         groups = (self.reflective, self.emissive)
         numbers = (n for group in groups if group is not None for n in group.numbers)
         return tuple(dict.fromkeys(numbers))

@@ -35,7 +35,7 @@ from .order import overlap
 
 
 class Shadows(eqx.Module):
-    """How shadows are looked for.
+    """`Shadows` say how shadows are looked for.
 
     **Fields:**
 

@@ -1,4 +1,4 @@
-"""Sunlight that the layers of a scene send back, one in front of the other."""
+"""The layers of a scene send sunlight back, one in front of the other."""
 
 import functools as ft
 from collections.abc import Sequence

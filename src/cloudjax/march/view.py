@@ -39,7 +39,7 @@ _AT_ONCE = 2048
 
 
 class Surroundings(eqx.Module):
-    """What rays pass beside cloud.
+    """`Surroundings` are what rays pass beside cloud.
 
     **Fields:**
 
@@ -78,7 +78,8 @@ class Ways(eqx.Module):
 
 
 class View(eqx.Module):
-    """All that depends on where rays run and on no parameter of the clouds.
+    """A `View` has all that depends on where rays run and on no parameter of the
+    clouds.
 
     Make it with `look`. Every leaf has the rays as its first axis; `view[index]`
     selects some of them, and `jax.vmap` may run over them. It can be pickled.

@@ -15,7 +15,8 @@ from cloudjax.geometry.latlon_grid import LatLonGrid
 
 
 class CoarseFields(eqx.Module):
-    """Fields on a regular grid of latitude and longitude.
+    """`CoarseFields` say what clouds are like from place to place, on a regular grid of
+    latitude and longitude.
 
     **Fields:**
 
@@ -46,7 +47,8 @@ class CoarseFields(eqx.Module):
 
 
 class Response(eqx.Module):
-    """How strongly clouds follow the coarse fields; 1 is as much as these say.
+    """A `Response` says how strongly clouds follow the coarse fields; 1 is as much as
+    these say.
 
     **Fields:** `depth`, `top`, `roughness`: factors on each field.
     """

@@ -91,7 +91,7 @@ class Evidence:
 
     @property
     def quantities(self) -> frozenset[str]:
-        """All that it asks for."""
+        """List all that it asks for."""
         asked = {window.quantity for window in self.windows}
         return frozenset(asked | ({self.claims} if self.claims else set()))
 

@@ -255,7 +255,7 @@ class MaskGrid(AbstractMask):
 
 
 class UniformMask(AbstractMask):
-    """The same mask everywhere.
+    """A `UniformMask` is the same everywhere.
 
     **Fields:** `mask`: w.
     """

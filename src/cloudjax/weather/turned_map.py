@@ -1,4 +1,4 @@
-"""Air of another longitude: the same winds, other noise."""
+"""Air of another longitude has the same winds and other noise."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
