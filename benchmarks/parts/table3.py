@@ -127,49 +127,56 @@ def measure(problem: Problem, peers: Sequence[str], sizes: Sizes) -> list[dict]:
         first = {name: worker.run("render") for name, worker in workers.items()}
         runs = in_turns([(w, "render") for w in workers.values()], sizes.repeats)
         peak = {name: worker.close() for name, worker in workers.items()}
-    entries = []
-    for name, repeats in zip(peers, runs, strict=False):
-        cold, image = first[name]
-        warm = median_seconds(repeats)
-        entries.append(
-            {
-                "name": PEERS[name],
-                "peer": True,
-                "steps": problem.steps,
-                "seconds": warm,
-                "everything_seconds": warm,
-                "view_seconds": {},
-                "compile_seconds": max(cold - warm, 0.0),
-                "peak_mb": peak[name],
-                "image": image,
-            }
-        )
+    entries = [
+        _of_peer(name, problem.steps, first[name], repeats, peak[name])
+        for name, repeats in zip(peers, runs, strict=False)
+    ]
     (_, cold), passes = first[ours.NAME], [found for _, found in runs[-1]]
-    for preset in sizes.presets:
-        name = ours.name_of(preset)
-        entries.append(
-            {
-                "name": name,
-                "peer": False,
-                "steps": preset[0],
-                "seconds": statistics.median(p["march"][name] for p in passes),
-                "everything_seconds": statistics.median(
-                    p["whole"][name] for p in passes
-                ),
-                "view_seconds": {
-                    phase: statistics.median(p["view"][phase] for p in passes)
-                    for phase in cold["view"]
-                },
-                "compile_seconds": cold["compile"][name],
-                "peak_mb": peak[ours.NAME],
-                "image": cold["images"][name][0],
-            }
-        )
+    entries += [
+        _of_preset(preset, cold, passes, peak[ours.NAME]) for preset in sizes.presets
+    ]
     for entry in entries:
         work = len(entry["image"]) * entry["steps"]
         entry["ray_steps_per_second"] = work / entry["seconds"]
     check_same([e for e in entries if e["peer"]])
     return entries
+
+
+def _of_peer(name: str, steps: int, first: tuple, repeats, peak_mb: float) -> dict:
+    cold, image = first
+    warm = median_seconds(repeats)
+    return {
+        "name": PEERS[name],
+        "peer": True,
+        "steps": steps,
+        "seconds": warm,
+        "everything_seconds": warm,
+        "view_seconds": {},
+        "compile_seconds": max(cold - warm, 0.0),
+        "peak_mb": peak_mb,
+        "image": image,
+    }
+
+
+def _of_preset(
+    preset: Sequence, cold: dict, passes: Sequence[dict], peak_mb: float
+) -> dict:
+    """One preset, from what the first and the other passes tell of all."""
+    name = ours.name_of(preset)
+    return {
+        "name": name,
+        "peer": False,
+        "steps": preset[0],
+        "seconds": statistics.median(p["march"][name] for p in passes),
+        "everything_seconds": statistics.median(p["whole"][name] for p in passes),
+        "view_seconds": {
+            phase: statistics.median(p["view"][phase] for p in passes)
+            for phase in cold["view"]
+        },
+        "compile_seconds": cold["compile"][name],
+        "peak_mb": peak_mb,
+        "image": cold["images"][name][0],
+    }
 
 
 def _write(work, folder: str) -> Path:

@@ -112,7 +112,24 @@ def run_rows(
     except DataError as error:
         yield "no run", str(error)
         return
-    target, made_of = inputs.target, inputs.made_of
+    made_of = inputs.made_of
+    yield from _imagery_rows(inputs.target)
+    yield from _light_rows(made_of)
+    yield from _layer_rows(inputs)
+    yield "advection", _advection(made_of)
+    yield "surface", _surface(inputs.target)
+    profile = (
+        f"the mean profile of {inputs.analysis.cube.path.name}"
+        if inputs.analysis
+        else "the standard atmosphere"
+    )
+    yield "temperature", profile
+    for note in made_of.notes:
+        yield "mind", note
+    yield from _air_rows(made_of, profile)
+
+
+def _imagery_rows(target: Target) -> Iterator[Row]:
     imagery = target.imagery
     yield "bands", _listed(imagery.bands)
     yield (
@@ -123,27 +140,18 @@ def run_rows(
     yield "missing pixels", f"{missing:.1%} of those that see the Earth"
     for note in imagery.notes:
         yield "mind", note
+
+
+def _light_rows(made_of: SceneFromImagery) -> Iterator[Row]:
+    imagery, chosen = made_of.imagery, made_of.light
     sunlit, emissive = (
         [b.number for b in bands] for bands in (imagery.sunlit, imagery.emissive)
     )
-    chosen = made_of.light
     yield "sunlight", _use(sunlit, "reflective band", f", {chosen.name} light")
     yield "emission", _use(emissive, "thermal band")
     if emissive:
         yield "thermal scattering", _thermal_scattering(chosen)
     yield "shadows", "left out: renders have them, fits none"
-    yield from _layer_rows(inputs)
-    yield "advection", _advection(made_of)
-    yield "surface", _surface(target)
-    profile = (
-        f"the mean profile of {inputs.analysis.cube.path.name}"
-        if inputs.analysis
-        else "the standard atmosphere"
-    )
-    yield "temperature", profile
-    for note in made_of.notes:
-        yield "mind", note
-    yield from _air_rows(made_of, profile)
 
 
 def _surface(target: Target) -> str:

@@ -165,14 +165,8 @@ def find_shades(
         # Of layers that rays cross twice, that of the same crossing.
         crossing, crossings[layer] = crossings[layer], crossings[layer] + 1
         places = passage.path.length_m[:, None] * parts[None].astype(np.float32)
-        shell = passage.source.shell
         on_ways.append(
-            tuple(
-                looked[of[crossing]].at(passage, places, near=overlap(shell, other))
-                if (other := passages[of[crossing]].source.shell).top_m > shell.bottom_m
-                else None
-                for of in casters
-            )
+            tuple(looked[of[crossing]].on_cloud(passage, places) for of in casters)
         )
     first = passages[0]
     ground = first.path.distance_to_m(jnp.zeros_like(first.start_m)[:, None])
@@ -186,6 +180,15 @@ class _Look(eqx.Module):
     shadows: Shadows
     through: Passage
     sun: Float[Array, "rays 3"]
+
+    def on_cloud(
+        self, seen: Passage, points_m: Float[Array, "rays points"]
+    ) -> Shade | None:
+        """Sample from points in the cloud of a passage; None where it is above."""
+        shell, caster = seen.source.shell, self.through.source.shell
+        if caster.top_m <= shell.bottom_m:
+            return None
+        return self.at(seen, points_m, near=overlap(shell, caster))
 
     def at(
         self, seen: Passage, points_m: Float[Array, "rays points"], *, near: bool
