@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import ClearSky, Rays, Shell
+from cloudjax import ClearSky, Rays
 from cloudjax.geometry.geodesy import ecef, geodetic, up
 from cloudjax.geometry.latlon_grid import LatLonGrid
 from cloudjax.geometry.shells import chords
@@ -13,6 +13,7 @@ from cloudjax.image.render import render
 from cloudjax.march.march import first_surface, march
 from tests.helpers import (
     GEOSTATIONARY_M,
+    LOW_SHELL,
     SMOOTH,
     arrays,
     emissive_bands,
@@ -28,9 +29,8 @@ from tests.helpers import (
 )
 
 
-SHELL = Shell(500.0, 4000.0)
 CLOUD = fractal_cloud(
-    SHELL, second=SMOOTH, threshold=0.6, smoothing=1e-3, barrier_scale_m=150.0
+    LOW_SHELL, second=SMOOTH, threshold=0.6, smoothing=1e-3, barrier_scale_m=150.0
 )
 TEXTURES = CLOUD.make_textures()
 STEPS, EXTINCTION = 400, 0.2
@@ -53,7 +53,7 @@ def _surface(way):
 
 
 def _seen_at(rays: Rays):
-    chord = chords(rays, SHELL)
+    chord = chords(rays, LOW_SHELL)
     way = CLOUD.navigate(with_pixels(rays, 0.0), chord, sampling())
     distance, stopped = _surface(way)
     return rays.at(chord.entry_m + np.asarray(distance, float)), np.asarray(stopped)
@@ -90,7 +90,7 @@ def test_the_top_of_a_cloud_stands_where_it_stands_from_all_sides():
     cloudy = stopped > 0.999
     assert 0.1 < cloudy.mean() < 0.9
     top = top[cloudy]
-    assert geodetic(top)[2].min() > SHELL.bottom_m
+    assert geodetic(top)[2].min() > LOW_SHELL.bottom_m
     for sensor in _sensors(20.0, 10.0):
         rays = rays_to(sensor, top)
         seen, _ = _seen_at(rays)

@@ -5,15 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cloudjax import FixedGrid, Rays, Shell
+from cloudjax import FixedGrid, Rays
 from cloudjax.clouds.ladder import frames
 from cloudjax.geometry.geodesy import ecef, up
 from cloudjax.geometry.shells import chords
-from tests.helpers import fractal_cloud, rays_to, sampling, with_pixels
+from tests.helpers import LOW_SHELL, fractal_cloud, rays_to, sampling, with_pixels
 
 
-SHELL = Shell(500.0, 4000.0)
-CLOUD = fractal_cloud(SHELL)
+CLOUD = fractal_cloud(LOW_SHELL)
 TEXTURES = CLOUD.make_textures()
 RUNGS = len(CLOUD.rungs)
 STEPS = 8
@@ -31,7 +30,7 @@ def _sampled(way):
 
 
 def _navigate(rays: Rays):
-    return CLOUD.navigate(with_pixels(rays, 0.0), chords(rays, SHELL), sampling())
+    return CLOUD.navigate(with_pixels(rays, 0.0), chords(rays, LOW_SHELL), sampling())
 
 
 def _middles(rays: Rays):
@@ -74,7 +73,7 @@ def test_two_satellites_meet_at_the_same_place():
         rays = rays_to(satellite, target)
         way = _navigate(rays)
         distance = np.linalg.norm(target - satellite) - float(
-            chords(rays, SHELL).entry_m[0]
+            chords(rays, LOW_SHELL).entry_m[0]
         )
         fraction = distance / float(way.path.length_m[0])
         altitude = way.path.altitude_m(jnp.full((1, 1), distance))
@@ -114,7 +113,7 @@ def test_texture_positions_keep_their_precision_on_the_device():
     """
     angle = np.linspace(-0.14, 0.14, 15)
     rays = FixedGrid(angle, angle, 0.0).rays()
-    chord = chords(rays, SHELL)
+    chord = chords(rays, LOW_SHELL)
     way = _navigate(rays)
     exact = np.einsum("oab,rb->roa", FRAMES, rays.at(chord.entry_m)) + SHIFTS
     off = (np.asarray(way.entry, float) - exact + 0.5) % 1 - 0.5

@@ -225,7 +225,7 @@ def test_level_clouds_do_not_shade_themselves(zenith_deg):
     each altitude is what stands between it and the viewer. Tolerance: 1e-3.
     """
     level: dict[str, Any] = {"weights": (0.0, 0.0), "mask_gain": 0.0, "threshold": -0.5}
-    low = fractal_cloud(Shell(500.0, 4000.0), nodes=3, **level)
+    low = fractal_cloud(nodes=3, **level)
     edges: dict[str, Any] = {"base_m": 6e3, "top_m": 7e3}
     high = fractal_cloud(Shell(4500.0, 9000.0), nodes=3, **level, **edges)
     rays = _down(np.linspace(0, 1e4, 8), 40.0)

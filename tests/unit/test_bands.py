@@ -7,29 +7,21 @@ import pytest
 
 from cloudjax import Band, EmissiveBands, ReflectiveBands, bands_named, nominal_bands
 from cloudjax_data import EmissiveCalibration
-from tests.helpers import PLANCK, SOLAR, emissive_bands, numbers, reflective_bands
-
-
-# Band: radiance at 300 K and at 220 K, mW m⁻² sr⁻¹ (cm⁻¹)⁻¹, from the coefficients.
-RADIANCES = {
-    7: (0.90513, 0.010360),
-    8: (21.67649, 1.316138),
-    9: (35.39538, 2.866003),
-    10: (43.75333, 4.057425),
-    11: (67.83001, 8.591218),
-    12: (91.85871, 14.880235),
-    13: (105.09121, 19.285315),
-    14: (118.51919, 24.693619),
-    15: (131.92428, 31.381790),
-    16: (141.06741, 37.149164),
-}
+from tests.helpers import (
+    BLACK_BODIES,
+    PLANCK,
+    SOLAR,
+    emissive_bands,
+    numbers,
+    reflective_bands,
+)
 
 
 def test_the_planck_functions_of_all_emissive_bands():
     """Black bodies at 300 and 220 K, as tabulated to seven digits. float32: 2e-5."""
     bands = emissive_bands(*PLANCK)
     found = bands.planck(numbers(300, 220))
-    expected = [RADIANCES[band] for band in PLANCK]
+    expected = [BLACK_BODIES[band] for band in PLANCK]
     np.testing.assert_allclose(found, expected, rtol=5e-5)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from cloudjax import FractalCloud, Gaussian, Ladder, Shell
+from cloudjax import FractalCloud, Gaussian, Ladder
 from cloudjax.clouds.fractal_samples import FractalSamples, Reading
 from cloudjax.geometry.geodesy import ecef, geodetic
 from cloudjax.geometry.path import Path, Profile
@@ -118,7 +118,7 @@ def test_the_gradient_in_space_is_that_of_the_differences():
     spans a kink of the interpolation, are passed over.
     """
     with jax.enable_x64(True):
-        cloud, rays = fractal_cloud(Shell(500.0, 4000.0)), geostationary_rays(200)
+        cloud, rays = fractal_cloud(), geostationary_rays(200)
         here = _sampled(
             cloud, _navigate(cloud, rays), cloud.make_textures(), steps=3, slopes=True
         )

@@ -18,10 +18,10 @@ from cloudjax.geometry.map_projections import (
     Mercator,
 )
 from cloudjax.geometry.path import find_chords, ground_points, navigate
-from tests.helpers import GEOSTATIONARY_M
+from tests.helpers import GEOSTATIONARY_M, LOW_SHELL
 
 
-LOW, HIGH = Shell(500.0, 4000.0), Shell(8e3, 12e3)
+LOW, HIGH = LOW_SHELL, Shell(8e3, 12e3)
 MANY = 10_000
 
 

@@ -26,6 +26,7 @@ from cloudjax.geometry.shells import Chords, chords
 from cloudjax.march.shadows import Shades, dimming, levels_passed_m
 from cloudjax.march.view import make_textures, sample
 from tests.helpers import (
+    LOW_SHELL,
     SMOOTH,
     emissive_bands,
     fractal_cloud,
@@ -53,7 +54,7 @@ def _scene(*layers, shadows: Shadows | None = STEPS, thermal=False) -> Scene:
 
 
 def _layer(extinction: Any = 0.01, shell: Shell | None = None, **changes):
-    cloud = fractal_cloud(shell or Shell(500.0, 4000.0), nodes=2, **changes)
+    cloud = fractal_cloud(shell or LOW_SHELL, nodes=2, **changes)
     return layer(cloud, extinction_per_m=extinction, asymmetry=[0.85], steps=4)
 
 

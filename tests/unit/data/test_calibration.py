@@ -5,30 +5,16 @@ import pytest
 
 from cloudjax_data import EmissiveCalibration, ReflectiveCalibration
 from tests.generated import default_calibration
+from tests.helpers import BLACK_BODIES
 
 
-# radiances at 300 K and 220 K, computed from the published coefficients
-PLANCK = {
-    7: (0.90513, 0.010360),
-    8: (21.67649, 1.316138),
-    9: (35.39538, 2.866003),
-    10: (43.75333, 4.057425),
-    11: (67.83001, 8.591218),
-    12: (91.85871, 14.880235),
-    13: (105.09121, 19.285315),
-    14: (118.51919, 24.693619),
-    15: (131.92428, 31.381790),
-    16: (141.06741, 37.149164),
-}
-
-
-@pytest.mark.parametrize("band", PLANCK)
+@pytest.mark.parametrize("band", BLACK_BODIES)
 def test_brightness_temperature(band):
     calibration = default_calibration(band)
     assert isinstance(calibration, EmissiveCalibration)
     temperature = np.array([300.0, 220.0])
     np.testing.assert_allclose(
-        calibration.radiance(temperature), PLANCK[band], rtol=3e-5
+        calibration.radiance(temperature), BLACK_BODIES[band], rtol=3e-5
     )
     np.testing.assert_allclose(
         calibration.brightness_temperature_k(calibration.radiance(temperature)),
