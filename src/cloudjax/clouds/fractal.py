@@ -21,7 +21,7 @@ from cloudjax.weather.masks import AbstractMask
 from .cloud_function import CloudFunction
 from .fractal_navigation import at_knots, blown, in_noise, masked
 from .fractal_path import FractalPath
-from .fractal_samples import FractalSamples, held_alike
+from .fractal_samples import FractalSamples, Reading, held_alike
 from .ladder import Ladder, Rung, common_share, frames, kept, rungs, seed_of_draw
 from .level_set import Latent, level_set
 from .noise import bands, noise_bands
@@ -221,20 +221,8 @@ class FractalCloud(AbstractCloudSource):
         amplitude, lost, slope = kept(textures.wavenumbers, textures.powers, pixel)
         reader = RungReader(way, textures, amplitude, self._ladder_of)
         counts = [min(count, steps) for count in way.points]
-        together = {n: _where(counts, n) for n in sorted({*counts} - {0})}
-        most = max(together, default=1)
-        few = min(most, max(3, -(-steps // _STEPS_PER_SLOPE)))
-        values, gradients = [], []
-        for count, some in together.items():
-            if slopes and count <= few:
-                value, gradient = reader.with_gradient(some, count)
-                gradients.append(gradient)
-            else:
-                value = reader.values(some, count)
-            values.append(value)
-        many = [i for i, count in enumerate(counts) if count > few]
-        if slopes and many:
-            gradients.append(reader.with_gradient(tuple(many), few)[1])
+        few = min(max(1, *counts), max(3, -(-steps // _STEPS_PER_SLOPE)))
+        values, gradients = _read(reader, counts, few if slopes else None)
         unread = np.array(counts)[:, None] == 0
         lost = jnp.where(unread, textures.powers.sum(-1)[:, None], lost)
         steep = (textures.powers * textures.wavenumbers**2).sum(-1)[:, None] / 3
@@ -246,8 +234,8 @@ class FractalCloud(AbstractCloudSource):
         found = FractalSamples(
             path=way.path,
             mask=way.mask,
-            values=tuple(values),
-            gradients=tuple(gradients) if slopes else None,
+            values=values,
+            gradients=gradients,
             common=(lost * common).T,
             own=(lost * (1 - common)).T,
             slope=slope.T,
@@ -338,5 +326,26 @@ class FractalCloud(AbstractCloudSource):
         return sums if rough is None else [rough**2 * total for total in sums]
 
 
-def _where(counts: list[int], count: int) -> tuple[int, ...]:
-    return tuple(i for i, other in enumerate(counts) if other == count)
+def _read(
+    reader: RungReader, counts: list[int], few: int | None
+) -> tuple[tuple[Reading, ...], tuple[Reading, ...] | None]:
+    """Values of the rungs, those that are read equally often together, and gradients.
+
+    **Arguments:** `counts`: at how many points each rung is read. `few`: at how many
+    gradients are read at most; None for no gradients.
+    """
+    values, gradients = [], []
+    for count in sorted({*counts} - {0}):
+        some = tuple(i for i, other in enumerate(counts) if other == count)
+        if few is not None and count <= few:
+            value, gradient = reader.with_gradient(some, count)
+            gradients.append(gradient)
+        else:
+            value = reader.values(some, count)
+        values.append(value)
+    if few is None:
+        return tuple(values), None
+    many = tuple(i for i, count in enumerate(counts) if count > few)
+    if many:
+        gradients.append(reader.with_gradient(many, few)[1])
+    return tuple(values), tuple(gradients)
