@@ -34,9 +34,10 @@ from .gases import LEVELS_M, Columns
 from .profile_grid import ProfileGrid
 
 
-# Straight up from sea level; what is thinner is left out of a band.
+# Optical depth straight up from sea level; a band leaves out parts of the air that are
+# thinner.
 LEAST_DEPTH = 0.005
-# Of the air, for the height of the Earth's shadow at twilight.
+# Scale height of the air. At twilight the height of the Earth's shadow is told in it.
 _SCALE_HEIGHT_M = 8e3
 
 
@@ -112,7 +113,7 @@ class Air(eqx.Module):
         if self.profiles is not None:
             found = _columns_at(ground, self.profiles)
             above, known = jax.tree.map(device_array, found)
-        # The shadow is z = R μ²/2 high where the sun is below the horizon.
+        # Where the sun is below the horizon the Earth's shadow is z = R μ²/2 high.
         shadow = MEAN_RADIUS_M / 2 * np.minimum(sun, 0) ** 2 / _SCALE_HEIGHT_M
         return Column(
             above,

@@ -62,7 +62,7 @@ class Slopes(eqx.Module):
 
 
 class AbstractCloudSource(eqx.Module):
-    """A source has extinction along rays: fractal clouds, particles, gridded water.
+    """A source of cloud is read along rays: fractal clouds, particles, gridded water.
 
     Everything that `navigate`, `sample` and `branch` return is a pytree whose leaves
     have the rays as their first axis.
@@ -73,11 +73,11 @@ class AbstractCloudSource(eqx.Module):
     shell: eqx.AbstractVar[Shell]
 
     def make_textures(self) -> Any:
-        """Make the data that `sample` reads; a source that reads none has none."""
+        """Make the data that `sample` reads, if it reads any."""
         return ()
 
     def drawn_anew(self, number: int) -> "AbstractCloudSource":
-        """Return another draw of the same clouds; a source without chance has one.
+        """Return another draw of the same clouds; by default the source has no chance.
 
         Draws differ in what `make_textures` and `navigate` return, not in structure.
         """
@@ -128,11 +128,12 @@ class AbstractCloudSource(eqx.Module):
         """
 
     def unread(self, way: Any, textures: Any, *, steps: int, slopes: bool) -> Any:
-        """Return what `sample` would of ways that meet no cloud, and read nothing.
+        """Return in place of `sample` what ways without cloud need, and read nothing.
 
-        As it would the path and what `likelihood` needs; the rest in its shape.
+        The path and what `likelihood` needs are as `sample` has them. All else has only
+        the same shape.
 
-        **Returns:** None of a source that reads so little that it may as well.
+        **Returns:** None where `sample` reads so little that it may be called instead.
         """
         del way, textures, steps, slopes
 

@@ -16,7 +16,8 @@ from .rays import Rays
 from .shells import Shell, both_chords
 
 
-# At the limb a footprint has no end. 6 times its width is 10 degrees above it.
+# A footprint's length over its width goes to infinity at the limb, so it is cut off. It
+# reaches 6 where the line of sight is 10 degrees above the horizon.
 _LONGEST = 6.0
 # An average over the whole of the box takes too much of the vertical structure that the
 # ray resolves: measured against many hard rays per pixel (docs/decisions.md).
@@ -25,7 +26,7 @@ _SHARPNESS = 0.8
 # of longer ways.
 _KNOT_SPACING_M = 60e3
 _MANY_KNOTS = 9
-# In rows of `kinds`, of the stretch of rays at the limb.
+# Stands in rows of `kinds` for the stretch of rays at the limb.
 _LIMB = 10
 # Widths of a group of rays agree within a factor of 2. The usual pixels from
 # geostationary orbit, 0.5 to 10 km at nadir, are in one group each.
@@ -158,7 +159,7 @@ def kinds(
     level = xp.sqrt(xp.maximum(1 - slant**2, 1e-12))
     far = xp.maximum(chord.length_m, again.length_m) * level
     twice = again.length_m > 0
-    # A single layer is all of the air.
+    # The shell of a single layer is that of all air, which has been looked at above.
     for layer in layers if len(layers) > 1 else ():
         twice = twice | (both_chords(rays, layer, ellipsoid)[1].length_m > 0)
     return xp.stack(
@@ -185,7 +186,7 @@ def grouped(
     rows: Int[np.ndarray, "rays 4"],
 ) -> Iterator[tuple[Kind, Int[np.ndarray, " members"]]]:
     """Yield each kind of ray with the numbers of its rays, by rows of `kinds`."""
-    # One number per row: rows themselves sort twenty times as slowly.
+    # Each row is packed into one number: rows would be sorted twenty times as slowly.
     packed = rows.astype(np.int64) @ np.array([4096, 64, 2, 1])
     found, first, which = np.unique(packed, return_index=True, return_inverse=True)
     for i, _ in enumerate(found):

@@ -246,8 +246,8 @@ class Profile(eqx.Module):
             return self.values
         at = middles(steps)
         share = hats(points, at) if self.ends else to_points(steps, points).T
-        # A product of matrices: into a sum XLA fuses what makes the values, once more
-        # for each step.
+        # This is a product of matrices, for XLA would fuse what makes the values into a
+        # sum, and repeat it for each step.
         share = jnp.asarray(share, self.values.dtype)
         return jnp.matmul(self.values, share, precision="highest")
 
@@ -274,7 +274,8 @@ class Profile(eqx.Module):
         place = part * last if self.ends else part * (last + 1) - 0.5
         place = jnp.clip(place, 0, last)
         low = jnp.floor(place).astype(jnp.int32)
-        # By index: sums over all values weighted by hats take nine times as long.
+        # Values are read by index: sums of all values, most with a weight of 0, take
+        # nine times as long.
         before, after = (
             jnp.take_along_axis(self.values, i, axis=-1, mode="clip")
             for i in (low, jnp.minimum(low + 1, last))
@@ -312,6 +313,6 @@ def on_chord(
 def device_array(x: Float[HostArray, "..."]) -> Array:
     """Bring a host array onto the device in the default float of the running JAX."""
     if isinstance(x, np.ndarray):
-        # Else JAX brings it over first, and converts it then.
+        # JAX would bring float64 onto the device and convert it there.
         x = x.astype(jnp.result_type(float), copy=False)
     return jnp.asarray(x, dtype=float)

@@ -16,7 +16,8 @@ from .reflectance import PlaneParallel, above_horizon
 from .reflection import Scatterers
 
 
-# Of what the networks know best; the forward peak beyond it counts as not scattered.
+# The networks know phase functions up to this asymmetry best. The forward peak of more
+# asymmetric ones is cut off, and counts as not scattered.
 LARGEST_ASYMMETRY = 0.9
 # Thinner slabs scatter once at most, so that both factors stay as they are there.
 LEAST_DEPTH = 0.1
@@ -34,7 +35,7 @@ class Factors(eqx.Module):
 
     @staticmethod
     def of_absorber(absorption_depth: Float[Array, "nodes rays"]) -> "Factors":
-        """Say it for cloud that does not scatter, in the shape of some depths."""
+        """Return the factors of cloud that only absorbs, in the shape of its depths."""
         one = jnp.ones_like(absorption_depth)
         return Factors(one, one)
 

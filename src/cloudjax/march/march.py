@@ -73,8 +73,8 @@ def march(occupancy: Occupancy, length_m: Float[Array, " rays"]) -> March:
     steps = occupancy.fraction.shape[-1]
     segment = occupancy.fraction * (length_m / steps)[None, :, None]
     # A product with ones is three times as fast as a running sum along the last axis.
-    # It makes the 0 at the entry, too: where that is put before the others XLA asks at
-    # each element of all that follows which it is, five times as slow.
+    # It makes the 0 at the entry, too. Were that 0 concatenated, XLA would ask of every
+    # element in all later code whether it is the 0, which is five times as slow.
     before = jnp.triu(jnp.ones((steps, steps + 1), segment.dtype), 1)
     ends = jnp.matmul(segment, before, precision="highest")
     return March(ends, segment, occupancy.weights, occupancy.slopes)

@@ -20,8 +20,9 @@ from .scene import Layer, Scene
 from .view import View
 
 
-# Where a layer's cloud is less likely there is none. The likelihood is that of a point;
-# a column of many, and noise with long tails, cover ten times as much.
+# Where a layer's cloud is less likely there is none. The likelihood is that of one
+# point. Columns, which have many points, and noise with long tails cover ten times as
+# much.
 LEAST_OF_LAYER = 1e-5
 
 

@@ -18,8 +18,8 @@ from cloudjax.light.reflection import Scatterers
 from .alike import nothing_like
 
 
-# Of a band: what is found of optical depths [nodes rays], particles, and what is known
-# of each ray, [rays] or [nodes rays]. All of it is elementwise.
+# A strategy finds something in one band, elementwise, from optical depths [nodes rays],
+# particles, and what is known of each ray, [rays] or [nodes rays].
 Strategy = Callable[[Float[Array, "nodes rays"], Scatterers, Any], Any]
 # Slabs of a smaller optical depth are empty.
 _LEAST_DEPTH = 1e-6
@@ -48,7 +48,7 @@ def in_slabs(
 @jax.custom_jvp
 def _in_slabs(strategy: Strategy, slabs: tuple, empty: Any):
     depth = slabs[0]
-    # A device of many cores takes all of them in the time of some.
+    # A device of many cores evaluates all slabs in the time of some.
     if depth[0].size <= _AT_ONCE or jax.default_backend() != "cpu":
         return each_band(strategy)(*slabs)
     return _where_filled(each_band(strategy), slabs, empty)
@@ -72,7 +72,7 @@ _in_slabs.defjvp(_derivative, symbolic_zeros=True)  # pyright: ignore[reportFunc
 
 
 def each_band(strategy: Strategy) -> Callable[..., Any]:
-    """Make a strategy one of all bands, which would be compiled anew for each."""
+    """Make a strategy work on all bands at once, so that it is compiled once."""
     return jax.vmap(strategy, in_axes=(0, 0, None))
 
 
