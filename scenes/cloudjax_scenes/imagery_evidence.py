@@ -123,15 +123,8 @@ def class_evidence(
     - `depth_m`: of its shell.
     - `kelvin`: from a radiance in the window to its brightness temperature.
     """
-    latitude, longitude, hit = places
-
-    def mean(values, where, weights=None):
-        use = hit & where.reshape(-1)
-        chosen = None if weights is None else weights.reshape(-1)[use]
-        return cells.mean(
-            latitude[use], longitude[use], values.reshape(-1)[use], chosen
-        )
-
+    pixels = _PixelsInCells(cells, *places)
+    mean, count = pixels.mean, pixels.count(own)
     depth = logit(mean(seen.albedo, own))
     emissivity = seen.emissivity
     # The radiance of black bodies as high as the tops.
@@ -139,8 +132,6 @@ def class_evidence(
     below = SEA_LEVEL_TEMPERATURE_K - kelvin(np.maximum(black, 1e-3))
     top = below / _LAPSE_K_PER_M
     rough = np.log(np.maximum(_roughness(mean, seen.detail, own), 1e-3))
-    use = hit & own.reshape(-1)
-    count = cells.total(latitude[use], longitude[use], np.ones(use.sum()))
     mask = mean(ndtri(_EDGE + (1 - 2 * _EDGE) * fraction), own)
     parts = [
         np.clip(_beside_the_mask(field, mask, count), -most, most)
@@ -156,6 +147,39 @@ def class_evidence(
         np.stack(parts, axis=-1),
         float(np.average(top, weights=count)),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _PixelsInCells:
+    """Pixels of an image, to be averaged over cells where they are asked for.
+
+    **Fields:** `cells`: of the grid. `latitude_deg`, `longitude_deg`, `hit`: as in
+    `places` of `class_evidence`.
+    """
+
+    cells: Cells
+    latitude_deg: Float[np.ndarray, " pixels"]
+    longitude_deg: Float[np.ndarray, " pixels"]
+    hit: Bool[np.ndarray, " pixels"]
+
+    def mean(
+        self,
+        values: Float[np.ndarray, "y x"],
+        where: Bool[np.ndarray, "y x"],
+        weights: Float[np.ndarray, "y x"] | None = None,
+    ) -> Float[np.ndarray, "lat lon"]:
+        latitude, longitude, use = self._chosen(where)
+        chosen = None if weights is None else weights.reshape(-1)[use]
+        return self.cells.mean(latitude, longitude, values.reshape(-1)[use], chosen)
+
+    def count(self, where: Bool[np.ndarray, "y x"]) -> Float[np.ndarray, "lat lon"]:
+        latitude, longitude, use = self._chosen(where)
+        return self.cells.total(latitude, longitude, np.ones(use.sum()))
+
+    def _chosen(self, where: Bool[np.ndarray, "y x"]):
+        """Places of the pixels that count, and which of all pixels do."""
+        use = self.hit & where.reshape(-1)
+        return self.latitude_deg[use], self.longitude_deg[use], use
 
 
 def _roughness(mean, values, own) -> Float[np.ndarray, "lat lon"]:
