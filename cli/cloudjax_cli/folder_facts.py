@@ -20,7 +20,7 @@ from cloudjax_data.abi_retrieval import holds_retrieval
 from cloudjax_fit.cautions import missing_share
 from cloudjax_fit.fit_inputs import FitInputs, read_inputs
 from cloudjax_fit.targets import Target
-from cloudjax_scenes.daylight import is_day, sun_heights_deg
+from cloudjax_scenes.daylight import shows_sunlit_clouds, sun_heights_deg
 from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.lights import Light
 from cloudjax_scenes.weather_analysis import share_in_words
@@ -217,7 +217,11 @@ def _advection(made_of: SceneFromImagery) -> str:
 
 def _sun(band: AbiBand) -> str:
     low, high = heights = sun_heights_deg(band.grid, band.time)
-    hour = "day" if is_day(heights) else "night, reflective bands see no cloud"
+    hour = (
+        "day"
+        if shows_sunlit_clouds(heights)
+        else "night, reflective bands see no cloud"
+    )
     return f"{hour}: {low:.0f} to {high:.0f} deg above the horizon"
 
 

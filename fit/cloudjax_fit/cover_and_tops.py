@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cloudjax_scenes.cloud_rule import CloudRule, default_rule
-from cloudjax_scenes.daylight import is_day, sun_heights_deg
+from cloudjax_scenes.daylight import shows_sunlit_clouds, sun_heights_deg
 
 from .air_column import AirColumn
 from .band_radiances import BandRadiances
@@ -133,7 +133,7 @@ def clouds_of_both(a: Bands, b: Bands, air: AirColumn) -> CloudPair | None:
 def _is_day(band: BandRadiances) -> bool:
     if band.grid is None or band.time is None:
         return False
-    return is_day(sun_heights_deg(band.grid, band.time))
+    return shows_sunlit_clouds(sun_heights_deg(band.grid, band.time))
 
 
 def _seen_by(rule: CloudRule, bands: Bands) -> CloudsSeen:

@@ -21,7 +21,7 @@ from cloudjax_data import (
 )
 from cloudjax_scenes.cloud_rule import BRIGHT, COLD_K
 from cloudjax_scenes.data_errors import data_errors
-from cloudjax_scenes.daylight import is_day, sun_heights_deg
+from cloudjax_scenes.daylight import shows_sunlit_clouds, sun_heights_deg
 from cloudjax_scenes.imagery_scene import SceneFromImagery
 from cloudjax_scenes.lights import light_named
 from cloudjax_scenes.weather_analysis import Analysis
@@ -153,7 +153,7 @@ def default_bands(folder: SceneFolder) -> tuple[int, ...]:
     if not folder.bands:
         return DAY_BANDS
     some = _some_band(folder)
-    day = is_day(sun_heights_deg(some.grid, some.time))
+    day = shows_sunlit_clouds(sun_heights_deg(some.grid, some.time))
     usual = DAY_BANDS if day else NIGHT_BANDS
     telling = (*BRIGHT, *COLD_K) if day else tuple(COLD_K)
     for choice in (usual, telling, folder.bands):

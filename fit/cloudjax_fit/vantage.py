@@ -10,7 +10,11 @@ from jaxtyping import Bool
 from cloudjax import Band, FixedGrid
 from cloudjax.geometry.fixed_grid import RAD_PER_KM
 from cloudjax_data import DataError
-from cloudjax_scenes.daylight import LOWEST_SUN_DEG, is_day, sun_heights_deg
+from cloudjax_scenes.daylight import (
+    LOWEST_SUN_DEG,
+    shows_sunlit_clouds,
+    sun_heights_deg,
+)
 
 from .band_radiances import BandRadiances
 
@@ -126,7 +130,7 @@ def _require_known(radiances: Mapping[int, BandRadiances], name: str) -> None:
 def _lit(radiances, grid: FixedGrid, time: datetime, name: str):
     """The bands that see something, and a sentence on the others."""
     dark = [n for n, b in radiances.items() if b.band.reflective]
-    if not dark or is_day(sun_heights_deg(grid, time)):
+    if not dark or shows_sunlit_clouds(sun_heights_deg(grid, time)):
         return radiances, ()
     left = {n: b for n, b in radiances.items() if n not in dark}
     numbers = ", ".join(map(str, dark))

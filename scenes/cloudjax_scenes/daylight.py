@@ -30,8 +30,8 @@ def sun_heights_deg(grid: FixedGrid, time: datetime) -> tuple[float, float]:
     return float(height.min()), float(height.max())
 
 
-def is_day(heights_deg: tuple[float, float]) -> bool:
-    """Whether reflective bands see clouds anywhere in the image."""
+def shows_sunlit_clouds(heights_deg: tuple[float, float]) -> bool:
+    """Tell whether reflective bands see clouds anywhere in the image."""
     return heights_deg[1] >= LOWEST_SUN_DEG
 
 

@@ -168,7 +168,7 @@ def rendered_pixels(
 
 
 def is_day(ground: GroundPoints, hit, sun: Float[np.ndarray, "3"]) -> bool:
-    """Whether the sun can reach clouds anywhere in view, and so band 7 reflects.
+    """Tell whether the sun can reach clouds anywhere in view, so that band 7 reflects.
 
     Bands that reflect only are rendered at night too, and are dark then. Where all
     rays miss the Earth nothing is known of the hour.

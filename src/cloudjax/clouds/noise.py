@@ -219,8 +219,8 @@ Noise = Gaussian | Perlin | InvertedWorley
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
-    """A `Band` is a part of the spectrum of one kind of noise: see `NoiseBands`."""
+class NoiseBand:
+    """A `NoiseBand` is a part of the spectrum of a kind of noise: see `NoiseBands`."""
 
     voxels: Float[np.ndarray, "n n n"]
     wavenumbers: Float[np.ndarray, " nodes"]
@@ -237,7 +237,7 @@ class Band:
 
 
 @ft.cache
-def bands(noise: Noise) -> tuple[Band, ...]:
+def bands(noise: Noise) -> tuple[NoiseBand, ...]:
     """Make the bands of a noise, from long waves to short ones; they are kept."""
     waves = np.fft.rfftn(noise.field(np.random.default_rng(_SEED))) / VOXELS**3
     waves[0, 0, 0] = 0
@@ -250,11 +250,11 @@ def bands(noise: Noise) -> tuple[Band, ...]:
     )
 
 
-def _band(waves: np.ndarray) -> Band:
+def _band(waves: np.ndarray) -> NoiseBand:
     power, k = _power(waves), _wavenumbers()
     nodes, shares = _gauss_nodes(2 * np.pi * k[power > 0], power[power > 0])
     voxels = np.fft.irfftn(waves, s=(VOXELS,) * 3, axes=(0, 1, 2)) * VOXELS**3
-    return Band(voxels.astype(np.float32), nodes, shares)
+    return NoiseBand(voxels.astype(np.float32), nodes, shares)
 
 
 @ft.cache
