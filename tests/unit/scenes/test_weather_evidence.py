@@ -157,6 +157,21 @@ def test_an_inversion_makes_stratocumulus(plain):
     assert of(-10.0)["cumulus"].mean() > 0.3
 
 
+def test_rising_air_makes_stratus(plain):
+    """Where the boundary layer does not hold all of the low cloud."""
+
+    def of(omega_pa_s, boundary=0.0):
+        rising = replace(
+            plain, data=plain.data.assign(w=0 * plain.data["w"] + omega_pa_s)
+        )
+        cube = with_fields(rising, cover_low=40.0, cover_boundary=boundary)
+        return AllEvidence().fractions(cube, weather_classes())
+
+    assert of(-0.2)["stratus"].mean() > 0.35
+    assert of(0.2)["stratus"].mean() < 0.02
+    assert of(-0.05, boundary=40.0)["stratus"].mean() < 0.2
+
+
 def test_table_1_decides_by_its_conditions_alone(plain):
     """By its formula here, and the covers of the file change nothing."""
     classes = cloud_classes()
