@@ -127,10 +127,9 @@ def _noise(
     # A mode is given but for its sign.
     sign = np.where(vectors[0] < 0, -1, 1)
     root = (vectors * sign * np.sqrt(np.maximum(values, 0)))[:, ::-1]
+    dimensions = max(len(altitude_m), _MODES)
     # `rng` of scipy 1.15 has that name in no earlier one.
-    sobol = qmc.Sobol(  # pyright: ignore[reportCallIssue]
-        max(len(altitude_m), _MODES), seed=0
-    )
+    sobol = qmc.Sobol(dimensions, seed=0)  # pyright: ignore[reportCallIssue]
     uniform = sobol.random(_COLUMNS)[:, : len(altitude_m)]
     return ndtri(np.clip(uniform, 1e-9, 1 - 1e-9)) @ root.T
 
