@@ -1,6 +1,5 @@
 """What `cloudjax tradeoff --fit` measures, says and writes. Imports all it needs."""
 
-import json
 import time
 from pathlib import Path
 
@@ -8,7 +7,6 @@ import click
 
 from cloudjax_data import DataError
 from cloudjax_data.output_lock import alone
-from cloudjax_data.whole_files import write_text_whole
 from cloudjax_fit.fit_inputs import read_inputs
 from cloudjax_fit.trade.fronts import FitFront, keep
 from cloudjax_fit.trade.measured import MeasuredFits
@@ -20,6 +18,7 @@ from cloudjax_scenes.trade.machine import Machine
 
 from .held_memory import forget_if_much
 from .progress import fit_progress
+from .trade_files import write_and_keep
 
 
 def measure_fits(target: str, folder: Path, budget_s: float, command: str, **given):
@@ -102,19 +101,13 @@ def write_fit_trade(folder: Path, front: FitFront, command: str) -> None:
 
     **Arguments:** `command`: that fits the scene, to which rays and steps are added.
     """
-    numbers = front.json() | {"command": command}
-    write_text_whole(folder / "tradeoff.json", json.dumps(numbers, indent=1) + "\n")
-    write_text_whole(folder / "tradeoff.html", fit_trade_page(front, command))
-    click.echo("Nothing beats:")
-    for trial in front.scene.best:
-        click.echo(f"  {_said(trial)}")
-    click.echo(f"{folder / 'tradeoff.html'} and tradeoff.json")
-    kept = keep(front)
-    click.echo(
-        f"Kept as {kept}"
-        if kept
-        else "Not kept for --max-error and --max-seconds: too few fits, or fewer than "
-        "were kept before; allow a greater --budget."
+    write_and_keep(
+        folder,
+        front.json() | {"command": command},
+        fit_trade_page(front, command),
+        best=map(_said, front.scene.best),
+        keep=lambda: keep(front),
+        trials="fits",
     )
 
 

@@ -3,7 +3,9 @@
 import functools as ft
 import json
 import time
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -51,18 +53,41 @@ def write_trade(folder: Path, front: Front, command: str) -> None:
     **Arguments:** `command`: that renders the scene, to which a quality's options are
     added.
     """
-    numbers = front.json() | {"command": command}
+    write_and_keep(
+        folder,
+        front.json() | {"command": command},
+        trade_page(front, command),
+        best=map(_said, front.scenes[0].best),
+        keep=lambda: keep(front),
+        trials="qualities",
+    )
+
+
+def write_and_keep(
+    folder: Path,
+    numbers: Mapping[str, Any],
+    page: str,
+    *,
+    best: Iterable[str],
+    keep: Callable[[], Path | None],
+    trials: str,
+) -> None:
+    """Write tradeoff.json and tradeoff.html, keep what was measured, and say so.
+
+    **Arguments:** `best`: lines on what nothing beats; `keep`: returns the file, None
+    where there is too little to keep; `trials`: what was measured, in the plural.
+    """
     write_text_whole(folder / "tradeoff.json", json.dumps(numbers, indent=1) + "\n")
-    write_text_whole(folder / "tradeoff.html", trade_page(front, command))
+    write_text_whole(folder / "tradeoff.html", page)
     click.echo("Nothing beats:")
-    for trial in front.scenes[0].best:
-        click.echo(f"  {_said(trial)}")
+    for line in best:
+        click.echo(f"  {line}")
     click.echo(f"{folder / 'tradeoff.html'} and tradeoff.json")
-    kept = keep(front)
+    kept = keep()
     click.echo(
         f"Kept as {kept}"
         if kept
-        else "Not kept for --max-error and --max-seconds: too few qualities, or fewer "
+        else f"Not kept for --max-error and --max-seconds: too few {trials}, or fewer "
         "than were kept before; allow a greater --budget."
     )
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from cloudjax_scenes.trade.sweep import front
+from cloudjax_scenes.trade.sweep import best_of
 
 from .outline import FitKind, FitOutline
 from .trial import Fitted, FitTrial
@@ -29,8 +29,7 @@ class MeasuredFits:
     @property
     def best(self) -> list[FitTrial]:
         """The trials that nothing beats in seconds and error, quickest first."""
-        of = {trial.quality: trial for trial in self.trials}
-        return [of[q] for q in front({q: (t.seconds, t.error) for q, t in of.items()})]
+        return best_of(self.trials)
 
     def seconds_of(self, trial: FitTrial, other: FitOutline) -> float:
         """Return the seconds that a trial lets expect of another fit.

@@ -8,7 +8,7 @@ import numpy as np
 from cloudjax.light.bands import nominal_bands
 
 from .outline import Outline
-from .sweep import front
+from .sweep import best_of
 from .trial import Trial
 
 
@@ -39,8 +39,7 @@ class Measured:
     @property
     def best(self) -> list[Trial]:
         """The trials that nothing beats in seconds and error, cheapest first."""
-        of = {trial.quality: trial for trial in self.trials}
-        return [of[q] for q in front({q: (t.seconds, t.error) for q, t in of.items()})]
+        return best_of(self.trials)
 
     def told_of(self, trial: Trial, other: Outline) -> tuple[float, float]:
         """Return the seconds and the error that a trial lets expect of another scene.

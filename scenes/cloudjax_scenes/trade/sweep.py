@@ -170,6 +170,16 @@ def front(points: Mapping[Choice, tuple[float, float]]) -> list[Choice]:
     return kept
 
 
+def best_of(trials: Sequence[Any]) -> list[Any]:
+    """List the trials that nothing beats in seconds and error, cheapest first.
+
+    **Arguments:** `trials`: with `quality`, `seconds` and `error`, such as a `Trial`;
+    of two of one quality the later one counts.
+    """
+    of = {trial.quality: trial for trial in trials}
+    return [of[q] for q in front({q: (t.seconds, t.error) for q, t in of.items()})]
+
+
 def _place(seconds: float, error: float) -> np.ndarray:
     return np.log([seconds, max(error, _LEAST_ERROR)])
 
